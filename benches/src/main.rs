@@ -44,7 +44,7 @@ fn main() -> Result<()> {
     }
     let mut out = String::new();
     if let Some(choice) = &options.device {
-        device::section(&mut out, choice, &options)?;
+        device::section(choice, &options)?;
     }
     if options.wants("motion") {
         motion::section(&mut out, &options)?;

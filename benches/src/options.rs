@@ -28,6 +28,8 @@ pub(crate) struct Options {
     /// The measured device, alone unless sections are named: `gpu` is the best, other values are part of an adapter's
     /// name.
     pub(crate) device: Option<Choice>,
+    /// The chapters of a device that are measured; all where none is named.
+    pub(crate) chapters: Vec<String>,
     /// A quarter of the rays, and each BVH built once.
     pub(crate) is_quick: bool,
     /// Seed of the generated kinds of scenes and their rays.
@@ -47,6 +49,7 @@ impl Options {
             scenes: vec![],
             engines: vec![],
             device: None,
+            chapters: vec![],
             is_quick: false,
             seed: 1,
             is_fresh: false,
@@ -79,13 +82,14 @@ impl Options {
                     let name = value()?;
                     options.device = Some(if name == "gpu" { Choice::Best } else { Choice::Named(name) });
                 }
+                "--chapters" => options.chapters = list(&value()?),
                 "--quick" => options.is_quick = true,
                 section if SECTIONS.contains(&section) || section == TRIAL => options.sections.push(arg),
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
-                        "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
-                         --seed N, --fresh [SEED], --models FOLDER"
+                        "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, \
+                         --chapters A,B, --quick, --seed N, --fresh [SEED], --models FOLDER"
                     ));
                 }
             }

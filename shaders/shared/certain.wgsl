@@ -1,4 +1,4 @@
-// Traversal of wide BVHs of one level that decides by f32 alone, and says which rays it cannot decide.
+// Traversal of wide BVHs, in one level or two, that decides by f32 alone, and says which rays it cannot decide.
 //
 // An answer is final where no rounding can change it: then it is the CPU's hit. The other rays are undecided, and the exact kernels
 // (`trace/listed_closest`, `trace/listed_occluded`) trace them again. So this loop needs neither exact edge tests nor emulated arithmetic.
@@ -8,6 +8,7 @@
 // are high where bits 0, 1, 2 of `i` are set. A ray takes the children in the order of `i ^ octant`, where `octant` has a bit for each
 // negative component of its direction (Ylitie, Karras and Laine 2017). Any order is correct. The pending children of a node are one mask, and
 // the stack has one entry, node and mask, for each level. So each node is read and tested once, nothing is sorted, and no distance is kept.
+// A leaf of the top level is an instance. Its nodes are pending above those of the top level, which the ray enters again when they are done.
 //
 // # What is certain
 // Let E, M, g and the sheared coordinates be as in shared/triangle. An edge function of the CPU's triangle differs from the computed one
@@ -26,13 +27,19 @@
 // because each is beyond its bound, of which its own roundings are less than a quarter; 1.4 covers that. Along the ray the
 // CPU's point errs by 10 E M and 1 E M, and the weighted sum of the `t_i = z_i / depth` by 13 E M: 24 E M.
 //
+// *Instances.* The ray in an instance differs from the CPU's: by half of `space.drift.x` in each coordinate of the origin, and by half of
+// `space.drift.y` in the direction, whose largest component is at least 1 (shared/level). A hit lies within M, so at its `t` the rays are
+// `D / 2` apart, with `D = drift.y M + drift.x`. `g` includes D. The CPU's point is off by as much more: by D across, after shear, and by less along the ray.
+// Intervals of `t` are compared in units of the caller's direction, which are those of each instance times a power of two. A bound that
+// leaves the range of f32 there is clamped, which keeps the order of bounds or makes them equal, and then the ray is in doubt.
+//
 // *Closest hit.* A hit is certain to be the first if the interval of its `t` ends before all others begin. Where it overlaps that of another triangle, or an
 // end of the ray, the ray is in doubt from there on. At the end a ray is undecided unless its hit ends before the first doubt.
 //
 // *Boxes* are thickened as for the exact kernel (shared/bvh), and the upper end of the best interval bounds them, so no hit is lost.
 // use shared/bvh/node
 // use shared/triangle/blocks/single
-// use ?one_level
+// use ?level
 // use ?count
 // use shared/invocation/iterations
 // const STACK_SIZE
@@ -59,29 +66,37 @@ const ENTRIES: u32 = max(STACK_SIZE, 33u);
 /// Beyond all `t`.
 const NEVER: f32 = 3.4028235e38;
 
-/// Interval of the `t` of the best hit; the end of the ray before there is one.
+/// Interval of the `t` of the best hit, in the caller's units; the end of the ray before there is one.
 var<private> best_first: f32;
 var<private> best_last: f32;
 
-/// The best hit: number of its triangle, `NONE` for no hit, and the first word of that and the stride of its rows.
+/// `best_last` in the units of the current space.
+var<private> limit: f32;
+
+/// The best hit: number of its triangle, `NONE` for no hit, its instance, and the first word of the triangle and the stride of its rows.
 var<private> best_number: u32;
+var<private> best_instance: u32;
 var<private> best_words: vec2<u32>;
 
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// Finds the closest hit, or any hit: `best_number` and `best_words`. Returns whether the answer is certain.
+/// Finds the closest hit, or any hit: `best_number`, `best_instance` and `best_words`. Returns whether the answer is certain.
 fn is_certain_hit(ray: Ray, any: bool) -> bool {
     var word = enter_top(ray);
-    best_last = scaled_t(ray.t_max);
+    limit = scaled_t(ray.t_max);
+    best_last = ray.t_max;
     best_first = best_last;
     best_number = NONE;
+    best_instance = NONE;
     doubt = NEVER;
     var is_done = word == EMPTY;
-    let backward = select(vec3<u32>(0u), vec3<u32>(1u, 2u, 4u), space.recip < vec3<f32>(0.0));
-    let octant = (backward.x | backward.y) | backward.z;
+    var octant = octant_of_space();
     var stack: array<vec2<u32>, ENTRIES>;
     var n_entries = 0u;
+    // Entries of the top level while the ray is in an instance.
+    var n_top_level = 0u;
+    var is_in_instance = !HAS_INSTANCES;
     // A node, and a mask of its pending children in the order of the ray.
     var pending = vec2<u32>(0u);
     loop {
@@ -96,11 +111,32 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
             }
             pending = vec2<u32>(word, entered(word, octant));
             count_boxes(8u);
-        } else {
+        } else if is_in_instance {
             leaf(word);
             is_done = any && best_number != NONE;
+        } else {
+            if pending.y != 0u {
+                stack[n_entries] = pending;
+                n_entries += 1u;
+            }
+            pending.y = 0u;
+            is_in_instance = true;
+            n_top_level = n_entries;
+            word = enter_instance_leaf(ray, word);
+            limit = scaled_t(best_last);
+            octant = octant_of_space();
+            if word != EMPTY {
+                continue;
+            }
         }
         if pending.y == 0u {
+            if HAS_INSTANCES && is_in_instance && n_entries == n_top_level {
+                is_in_instance = false;
+                n_top_level = 0u;
+                enter_top(ray);
+                limit = scaled_t(best_last);
+                octant = octant_of_space();
+            }
             if n_entries == 0u {
                 is_done = true;
                 break;
@@ -115,13 +151,19 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
     return is_done && doubt > best_last || any && best_number != NONE;
 }
 
+/// A bit for each component of the direction that is negative in the frame of the BVH.
+fn octant_of_space() -> u32 {
+    let backward = select(vec3<u32>(0u), vec3<u32>(1u, 2u, 4u), space.recip < vec3<f32>(0.0));
+    return (backward.x | backward.y) | backward.z;
+}
+
 /// A mask of the children of a node that the ray enters, in its order.
 fn entered(word: u32, octant: u32) -> u32 {
     var all = vec4<u32>(0u);
     // One in which the loop ends.
     iterations += 3u;
     for (var half = 0u; half < 2u; half += 1u) {
-        let spans = spans_of(word, half, best_last);
+        let spans = spans_of(word, half, limit);
         let ranks = vec4<u32>(0u, 1u, 2u, 3u) ^ vec4<u32>(octant ^ (half << 2u));
         all |= select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
     }
@@ -161,7 +203,8 @@ fn decide(at: u32, stride: u32) {
     let r = c.xy - shear.factors * c.z;
     let edges = vec3<f32>(r.x * q.y - r.y * q.x, p.x * r.y - p.y * r.x, q.x * p.y - q.y * p.x);
     let sizes = vec3<f32>(abs(p.x) + abs(p.y), abs(q.x) + abs(q.y), abs(r.x) + abs(r.y));
-    let apart = shear_error(m);
+    let drift = space.drift.y * m + space.drift.x;
+    let apart = SHEAR_ROUNDING * m + drift;
     let bounds = (BOUND_SCALE * (apart + FILTER_ROUNDING * m)) * ((sizes.yzx + sizes.zxy) + vec3<f32>(2.0 * apart)) + vec3<f32>(TINY);
     let low = edges - bounds;
     let high = edges + bounds;
@@ -169,10 +212,10 @@ fn decide(at: u32, stride: u32) {
         return;
     }
     let ts = vec3<f32>(a.z, b.z, c.z) * reciprocal(shear.depth);
-    let rounding = DISTANCE_ROUNDING * m + TINY;
+    let rounding = DISTANCE_ROUNDING * m + drift + TINY;
     let first = min(ts.x, min(ts.y, ts.z)) - rounding;
     let last = max(ts.x, max(ts.y, ts.z)) + rounding;
-    if first > best_last || last < space.t_min {
+    if first > limit || last < space.t_min {
         return;
     }
     let inverse = guarded_quotient(1.0, (edges.x + edges.y) + edges.z);
@@ -180,7 +223,7 @@ fn decide(at: u32, stride: u32) {
     let off = max(abs(weights.x * p.x + (weights.y * q.x + weights.z * r.x)), abs(weights.x * p.y + (weights.y * q.y + weights.z * r.y)));
     let is_in = min(low.x, min(low.y, low.z)) > 0.0 || max(high.x, max(high.y, high.z)) < 0.0;
     if !is_in {
-        doubt = min(doubt, first);
+        doubt = min(doubt, caller_t(first));
         return;
     }
     let t = weights.x * ts.x + (weights.y * ts.y + weights.z * ts.z);
@@ -189,20 +232,22 @@ fn decide(at: u32, stride: u32) {
     let g = vec3<f32>(r - p, c.z - a.z);
     let terms = f.yzzx * g.zyxz;
     let slope = (abs(terms.x - terms.y) + abs(terms.z - terms.w)) + SLOPE_ROUNDING * ((abs(terms.x) + abs(terms.y)) + (abs(terms.z) + abs(terms.w)));
-    let error = rounding + (SLOPE_FACTOR * slope) * abs(inverse) * (off + ACROSS_ROUNDING * m);
+    let error = rounding + (SLOPE_FACTOR * slope) * abs(inverse) * (off + (ACROSS_ROUNDING * m + drift));
     keep(t, error, at, stride);
 }
 
-/// Keeps a hit whose `t` is known within an error.
+/// Keeps a hit whose scaled `t` is known within an error.
 fn keep(t: f32, error: f32, at: u32, stride: u32) {
-    let first = t - error;
-    let last = t + error;
+    let is_before_start = t - error < space.t_min;
+    let is_behind = t + error < space.t_min;
+    let first = caller_t(t - error);
+    let last = caller_t(t + error);
     let number = triangle_words[at + 9u * stride];
     // A triangle may be in two leaves.
-    if first > best_last || last < space.t_min || number == best_number {
+    if first > best_last || is_behind || number == best_number && space.instance == best_instance {
         return;
     }
-    if first < space.t_min {
+    if is_before_start {
         doubt = min(doubt, first);
         return;
     }
@@ -214,7 +259,11 @@ fn keep(t: f32, error: f32, at: u32, stride: u32) {
         }
     }
     best_first = min(best_first, first);
-    best_last = min(best_last, last);
+    if last <= best_last {
+        best_last = last;
+        limit = t + error;
+    }
     best_number = number;
+    best_instance = space.instance;
     best_words = vec2<u32>(at, stride);
 }

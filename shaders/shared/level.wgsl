@@ -66,9 +66,14 @@ fn still_inverse(entry: Instance) -> Inverse {
     return Inverse(rows, mat3x3<f32>(abs(rows[0]), abs(rows[1]), abs(rows[2])));
 }
 
-/// Transforms the ray into the BVH of an instance and returns its root. The origin is at `away` from the origin of the
+/// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
+fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
+    return enter_instance(ray, instance_order[word & LEAF_INDEX]);
+}
+
+/// Transforms the ray by the inverse of an instance and returns the root of its BVH. The origin is at `away` from the origin of the
 /// instance, a difference of numbers up to `far_away`. `roundings` are those of origin and direction.
-fn enter_instance(
+fn enter_by_inverse(
     ray: Ray, instance: u32, inverse: Inverse, away: vec3<f32>, far_away: vec3<f32>, roundings: vec2<f32>
 ) -> u32 {
     let origin = by_rows(inverse.rows, away);
@@ -105,6 +110,10 @@ fn enter_top(ray: Ray) -> u32 {
 
 fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     return EMPTY;
+}
+
+fn enter_instance(ray: Ray, instance: u32) -> u32 {
+    return enter_top(ray);
 }
 
 /// The CPU's ray.
@@ -158,12 +167,11 @@ fn placed(hit: Hit) -> Hit {
 // differs by twice the error of the origin, plus M times twice the error of the direction over its largest component.
 // use shared/level/instance
 
-/// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
-fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
-    let instance = instance_order[word & LEAF_INDEX];
+/// Transforms the ray into an instance. Returns the root of its BVH.
+fn enter_instance(ray: Ray, instance: u32) -> u32 {
     let entry = instances[instance];
     let away = ray.origin - vec3<f32>(entry.row_x.w, entry.row_y.w, entry.row_z.w);
-    return enter_instance(ray, instance, still_inverse(entry), away, abs(away), vec2<f32>(ORIGIN_ROUNDING, DIRECTION_ROUNDING));
+    return enter_by_inverse(ray, instance, still_inverse(entry), away, abs(away), vec2<f32>(ORIGIN_ROUNDING, DIRECTION_ROUNDING));
 }
 
 // choice moving
@@ -181,9 +189,8 @@ fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
 const MOVING_DIRECTION_ROUNDING: f32 = 20.0 * ROUNDING;
 const MOVING_ORIGIN_ROUNDING: f32 = 21.0 * ROUNDING;
 
-/// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
-fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
-    let instance = instance_order[word & LEAF_INDEX];
+/// Transforms the ray into an instance. Returns the root of its BVH.
+fn enter_instance(ray: Ray, instance: u32) -> u32 {
     let entry = instances[instance];
     let open = vec3<f32>(entry.row_x.w, entry.row_y.w, entry.row_z.w);
     var inverse = still_inverse(entry);
@@ -197,7 +204,7 @@ fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
         far_away = abs(away) + 0.125 * between(abs(open), abs(motions[motion].shift));
         roundings = vec2<f32>(MOVING_ORIGIN_ROUNDING, MOVING_DIRECTION_ROUNDING);
     }
-    return enter_instance(ray, instance, inverse, away, far_away, roundings);
+    return enter_by_inverse(ray, instance, inverse, away, far_away, roundings);
 }
 
 /// The inverse at the time of the ray.
@@ -213,11 +220,3 @@ fn moving_inverse(motion: u32) -> Inverse {
     }
     return inverse;
 }
-
-// choice one_level/single
-// The levels that shared/certain can trace through.
-// use shared/level/single
-
-// choice one_level/flat
-// The same, with several instances.
-// use shared/level/flat

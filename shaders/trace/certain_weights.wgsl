@@ -1,7 +1,7 @@
 // `t` and weights of the hits of `trace/certain_closest`, with the bits of the exact kernels. They are apart from the loop, which is shorter so.
 // use shared/triangle/blocks/single
 // use shared/undecided/found
-// use ?one_level
+// use ?level
 // use shared/invocation/index
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
@@ -13,7 +13,7 @@ fn main(id: Invocation) {
         return;
     }
     let found = hits[index];
-    enter_top(rays[index]);
+    enter_instance(rays[index], found.instance);
     let words = vec3<u32>(found.at) + found.stride * shear.axes;
     let corners = array<vec3<f32>, 3>(
         sheared(corner_of(words)),

@@ -14,7 +14,7 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
 use canted_obb::Aabb;
 use canted_wide::{Config, Preset, TriangleBvh};
 
-use super::Bench;
+use super::{Bench, WARM};
 use crate::models;
 
 /// Columns before those of strategies.
@@ -187,14 +187,17 @@ fn milliseconds(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }
 
-/// The minimum wall time in milliseconds of several runs after a warm-up.
+/// The minimum wall time in milliseconds of several runs, after runs that let clocks rise.
 fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let mut once = || -> Result<f64> {
         let start = Instant::now();
         work()?;
         Ok(milliseconds(start))
     };
-    once()?;
+    let start = Instant::now();
+    while start.elapsed() < WARM {
+        once()?;
+    }
     (0..rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once()?)))
 }
 
@@ -219,15 +222,13 @@ pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
 
 /// Million pairs per second.
 fn pairs_rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
-    let mut least = f64::MAX;
-    for round in 0..=bench.rounds {
+    let once = || -> Result<f64> {
         let mut run = BuildEncoder::timed(&bench.gpu);
         sorter.sort(&mut run, words)?;
-        let taken: f64 = run.times().iter().map(|time| time.milliseconds).sum();
-        if round > 0 {
-            least = least.min(taken);
-        }
-    }
+        Ok(run.times().iter().map(|time| time.milliseconds).sum())
+    };
+    bench.warm(once)?;
+    let least = (0..bench.rounds).try_fold(f64::MAX, |least, _| Ok::<_, anyhow::Error>(least.min(once()?)))?;
     Ok(words[0].0.len() as f64 / (1e3 * least))
 }
 

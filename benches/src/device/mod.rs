@@ -4,11 +4,10 @@ mod builds;
 mod pictures;
 mod rays;
 
-use std::fmt::Write as _;
 use std::io::Write as _;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use canted_gpu::{AdapterKind, Choice, Gpu};
 
 use crate::options::Options;
@@ -41,11 +40,17 @@ const FULL: Scale = Scale {
 /// Most runs on software drivers: five take a quarter of an hour on llvmpipe.
 const SOFTWARE_ROUNDS: usize = 2;
 
+/// Least runs on hardware, whose clocks vary.
+const HARDWARE_ROUNDS: usize = 10;
+
+/// Work before each figure: idle devices take tens of milliseconds to reach their clock.
+const WARM: Duration = Duration::from_millis(250);
+
 /// A device and its input sizes.
 struct Bench {
     gpu: Gpu,
     scale: &'static Scale,
-    /// Number of runs; the minimum counts.
+    /// Number of runs.
     rounds: usize,
 }
 
@@ -54,62 +59,76 @@ impl Bench {
     fn is_software(&self) -> bool {
         self.gpu.info().kind == AdapterKind::Software
     }
+
+    /// Repeats `run` until it has run once, and on hardware for as long as clocks take to rise.
+    fn warm<T>(&self, mut run: impl FnMut() -> Result<T>) -> Result<()> {
+        let start = Instant::now();
+        loop {
+            run()?;
+            if self.is_software() || start.elapsed() >= WARM {
+                return Ok(());
+            }
+        }
+    }
 }
 
-/// Measures the device and writes a section with its name.
-pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> Result<()> {
+/// A part of the section.
+type Chapter = (&'static str, fn(&mut String, &Bench) -> Result<()>);
+
+/// The chapters, by the names of `--chapters`.
+const CHAPTERS: [Chapter; 9] = [
+    ("rays", rays::section),
+    ("levels", rays::levels),
+    ("picture", pictures::sponza_picture),
+    ("build", builds::builds),
+    ("sort", builds::sort),
+    ("frames", builds::frames),
+    ("hits", rays::structures),
+    ("both", pictures::both),
+    ("pixels", pictures::differing),
+];
+
+/// Measures the device and prints a section with its name, chapter by chapter.
+pub(crate) fn section(choice: &Choice, options: &Options) -> Result<()> {
+    let known = CHAPTERS.map(|(name, _)| name);
+    if let Some(unknown) = options.chapters.iter().find(|name| !known.contains(&name.as_str())) {
+        bail!("there is no chapter '{unknown}'; use {}", known.join(", "));
+    }
     let gpu = Gpu::open(choice)?;
     let facts = gpu.info();
     let is_software = facts.kind == AdapterKind::Software;
-    let rounds = if is_software { options.rounds.min(SOFTWARE_ROUNDS) } else { options.rounds };
+    let rounds = if is_software { options.rounds.min(SOFTWARE_ROUNDS) } else { options.rounds.max(HARDWARE_ROUNDS) };
     let clock = if gpu.has_timestamps() { "device timestamps" } else { "wall clock" };
-    // Writing to a String cannot fail.
-    let _ = writeln!(
-        out,
-        "\n## On {}\n\nA {} adapter, {}, {}. Pass times by {clock}, minimum of {} runs after a first one in which the driver compiles.",
-        facts.name, facts.kind, facts.backend, facts.driver, rounds
+    let mut out = format!(
+        "\n## On {}\n\nA {} adapter, {}, {}. Pass times by {clock}, {rounds} runs after {} ms or more of the same work, in which the driver \
+         compiles and clocks rise.\n",
+        facts.name,
+        facts.kind,
+        facts.backend,
+        facts.driver,
+        if is_software { 0 } else { WARM.as_millis() }
     );
     if is_software {
         out.push_str(
-            "A software driver computes on the CPU: this section only shows that everything runs, on small inputs. Hardware is not \
-             measured yet; the same command measures it.\n",
+            "A software driver computes on the CPU: this section only shows that everything runs, on small inputs. The same command \
+             measures hardware.\n",
         );
     }
     let scale = if is_software || options.is_quick { &SMALL } else { &FULL };
     let bench = Bench { gpu, scale, rounds };
-    let mut chapters = Chapters { out, seconds: vec![] };
-    chapters.add("build", |out| builds::builds(out, &bench))?;
-    chapters.add("sort", |out| builds::sort(out, &bench))?;
-    chapters.add("frames", |out| builds::frames(out, &bench))?;
-    chapters.add("mesh to hits", |out| rays::structures(out, &bench))?;
-    chapters.add("rays", |out| rays::section(out, &bench))?;
-    chapters.add("picture", |out| pictures::sponza_picture(out, &bench))?;
-    chapters.add("CPU and device", |out| pictures::both(out, &bench))?;
-    chapters.add("pixels that differ", |out| pictures::differing(out, &bench))?;
-    chapters.finish();
-    Ok(())
-}
-
-/// Writes the chapters, and notes how long each takes.
-struct Chapters<'a> {
-    out: &'a mut String,
-    seconds: Vec<(&'static str, f64)>,
-}
-
-impl Chapters<'_> {
-    fn add(&mut self, name: &'static str, write: impl FnOnce(&mut String) -> Result<()>) -> Result<()> {
+    let mut seconds: Vec<String> = vec![];
+    let all = Instant::now();
+    for (name, write) in CHAPTERS {
+        if !options.chapters.is_empty() && !options.chapters.iter().any(|wanted| wanted == name) {
+            continue;
+        }
         let start = Instant::now();
-        write(self.out)?;
-        let seconds = start.elapsed().as_secs_f64();
-        // A failed progress message does not stop the run.
-        let _ = writeln!(std::io::stderr(), "{name}: {seconds:.1} s");
-        self.seconds.push((name, seconds));
-        Ok(())
+        write(&mut out, &bench)?;
+        seconds.push(format!("{name} {:.0}", start.elapsed().as_secs_f64()));
+        // A run that is ended early has printed what it measured.
+        std::io::stdout().write_all(options.titled(&std::mem::take(&mut out)).as_bytes())?;
     }
-
-    fn finish(self) {
-        let all: f64 = self.seconds.iter().map(|(_, seconds)| seconds).sum();
-        let each: Vec<String> = self.seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.0}")).collect();
-        let _ = writeln!(self.out, "\nSeconds of this section: {all:.0}; {}.", each.join(", "));
-    }
+    let all = all.elapsed().as_secs_f64();
+    writeln!(std::io::stdout(), "\nSeconds of this section: {all:.0}; {}.", seconds.join(", "))?;
+    Ok(())
 }

@@ -4,11 +4,13 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
+use canted_fixtures::Mesh;
 use canted_gpu::{
-    Buffer, Commands, DeviceHit, DeviceRay, Gpu, GpuError, SceneInput, TracedScene,
+    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, SceneInput, TracedScene,
     build::{BuildConfig, Topology, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy};
+use canted_renderer::{Levels, SceneBvh, SceneBvhConfig, flatten, traced_scene};
 use canted_trace::{Intersect, Ray, ScaledRay};
 use canted_wide::{Config, Preset, TriangleBvh};
 
@@ -29,11 +31,12 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
         "\n### Rays\n\nPreset balanced, with oriented nodes where they pay off, and with axis-aligned nodes only. {0} x {0} camera \
-         rays of each of four views, in squares of {SQUARE} x {SQUARE}; one diffuse ray and one occlusion ray from each of their \
-         hits. Million rays per second of device time; what f32 leaves undecided is traced again by exact kernels, which is included. The last columns: share of such \
-         rays with oriented nodes, in percent, and the number of rays whose traversal the driver cut short.\n\n\
+         rays of each of four views, in squares of {1} x {1}; one diffuse ray and one occlusion ray from each of their \
+         hits. Million rays per second of device time, median (and fastest) of {2} runs; what f32 leaves undecided is traced again by exact \
+         kernels, which is included. The last columns: share of such rays with oriented nodes, in percent, and the number of rays whose traversal the \
+         driver cut short.\n\n\
          | scene | rays | number | oriented | axis-aligned | ratio | exact | cut |\n| --- | --- | --- | --- | --- | --- | --- | --- |",
-        bench.scale.resolution
+        bench.scale.resolution, SQUARE, bench.rounds
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
@@ -52,12 +55,12 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
             let [oriented, aligned] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
             let _ = writeln!(
                 out,
-                "| {name} | {} | {} | {:.2} | {:.2} | {:.2}x | {:.2} | {} |",
+                "| {name} | {} | {} | {} | {} | {:.2}x | {:.2} | {} |",
                 kind.name(),
                 rays.len(),
-                oriented.rate(rays.len()),
-                aligned.rate(rays.len()),
-                aligned.milliseconds / oriented.milliseconds,
+                oriented.rates(rays.len()),
+                aligned.rates(rays.len()),
+                aligned.median() / oriented.median(),
                 1e2 * oriented.n_exact as f64 / rays.len().max(1) as f64,
                 oriented.n_cut.max(aligned.n_cut)
             );
@@ -91,84 +94,141 @@ fn in_squares(rays: &[Ray], side: usize) -> Vec<Ray> {
         .collect()
 }
 
-/// The time of casting rays.
+/// The times of casting rays.
 struct Cast {
-    milliseconds: f64,
+    /// Milliseconds of each run, in increasing order.
+    milliseconds: Vec<f64>,
     /// Rays that exact kernels traced.
     n_exact: usize,
     n_cut: usize,
 }
 
 impl Cast {
-    /// Million rays a second.
+    fn median(&self) -> f64 {
+        self.milliseconds[self.milliseconds.len() / 2]
+    }
+
+    /// Million rays a second, in the median run.
     fn rate(&self, n_rays: usize) -> f64 {
-        n_rays as f64 / (1e3 * self.milliseconds)
+        n_rays as f64 / (1e3 * self.median())
+    }
+
+    /// The same, and in parentheses that of the fastest run.
+    fn rates(&self, n_rays: usize) -> String {
+        format!("{:.2} ({:.2})", self.rate(n_rays), n_rays as f64 / (1e3 * self.milliseconds[0]))
     }
 }
 
-/// Casts all rays several times; the minimum time counts.
-fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
+/// Casts all rays several times.
+fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast> {
     let gpu = &bench.gpu;
     let slices = rays
         .chunks(SLICE)
         .map(|slice| {
             let scaled: Vec<DeviceRay> =
                 slice.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
-            gpu.buffer("rays", &scaled)
+            Ok(Slice {
+                rays: gpu.buffer("rays", &scaled)?,
+                hits: gpu.zeroed("hits", scaled.len())?,
+                found: gpu.zeroed("found", scaled.len())?,
+            })
         })
-        .collect::<Result<Vec<_>, _>>()?;
-    let mut least = Cast { milliseconds: f64::MAX, n_exact: 0, n_cut: 0 };
-    for round in 0..=bench.rounds {
-        let mut all = Cast { milliseconds: 0.0, n_exact: 0, n_cut: 0 };
-        for slice in &slices {
-            let slice = once(gpu, traced, kind, slice)?;
-            all.milliseconds += slice.milliseconds;
-            all.n_exact += slice.n_exact;
-            all.n_cut += slice.n_cut;
+        .collect::<Result<Vec<_>, GpuError>>()?;
+    bench.warm(|| Ok(slices.iter().try_for_each(|slice| slice.cast(gpu, traced, kind).map(drop))?))?;
+    let mut all = Cast { milliseconds: vec![0.0; bench.rounds], n_exact: 0, n_cut: 0 };
+    for slice in &slices {
+        for milliseconds in &mut all.milliseconds {
+            let (time, undecided) = slice.cast(gpu, traced, kind)?;
+            *milliseconds += time;
+            all.n_exact +=
+                undecided.map_or(Ok(slice.rays.len()), |list| gpu.read_first(&list, 1).map(|n| n[0] as usize))?;
         }
-        if round > 0 && all.milliseconds < least.milliseconds {
-            least = all;
-        }
+        all.n_cut += slice.n_cut(gpu, kind)?;
     }
-    Ok(least)
+    all.n_exact /= bench.rounds;
+    all.milliseconds.sort_by(f64::total_cmp);
+    Ok(all)
 }
 
-/// Casts the rays of a slice.
-fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -> Result<Cast, GpuError> {
-    /// As in the kernels.
-    const CUT: u32 = u32::MAX - 1;
-    let mut commands = gpu.timed_commands();
-    if kind == Kind::Occlusion {
-        let found = gpu.zeroed::<u32>("found", rays.len())?;
-        let undecided = traced.record_occluded(gpu, &mut commands, rays, &found)?;
-        let (milliseconds, n_exact) = taken(gpu, commands, undecided.as_ref(), rays.len())?;
-        let n_cut = gpu.read(&found)?.iter().filter(|&&found| found == CUT).count();
-        return Ok(Cast { milliseconds, n_exact, n_cut });
-    }
-    let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
-    let undecided = traced.record_closest_hits(gpu, &mut commands, rays, &hits)?;
-    let (milliseconds, n_exact) = taken(gpu, commands, undecided.as_ref(), rays.len())?;
-    let n_cut = gpu.read(&hits)?.iter().filter(|hit| hit.instance == CUT).count();
-    Ok(Cast { milliseconds, n_exact, n_cut })
+/// Rays on the device, and room for their answers.
+struct Slice {
+    rays: Buffer<DeviceRay>,
+    hits: Buffer<DeviceHit>,
+    found: Buffer<u32>,
 }
 
-/// Milliseconds of all dispatches, and how many of `n_rays` exact kernels traced.
-fn taken(
-    gpu: &Gpu,
-    commands: Commands<'_>,
-    undecided: Option<&Buffer<u32>>,
-    n_rays: usize,
-) -> Result<(f64, usize), GpuError> {
-    gpu.finish()?;
-    let start = Instant::now();
-    let times = commands.times()?;
-    let on_wall = start.elapsed().as_secs_f64() * 1e3;
-    let milliseconds = if gpu.has_timestamps() { times.iter().map(|pass| pass.milliseconds).sum() } else { on_wall };
-    let n_exact = match undecided {
-        None => n_rays,
-        Some(undecided) => gpu.read(undecided)?[0] as usize,
-    };
-    Ok((milliseconds, n_exact))
+impl Slice {
+    /// Casts the rays. Returns milliseconds of all dispatches, and a list that starts with how many rays exact kernels traced, or none where
+    /// they traced all.
+    fn cast(&self, gpu: &Gpu, traced: &TracedScene, kind: Kind) -> Result<(f64, Option<Buffer<u32>>), GpuError> {
+        let mut commands = gpu.timed_commands();
+        let undecided = match kind {
+            Kind::Occlusion => traced.record_occluded(gpu, &mut commands, &self.rays, &self.found)?,
+            _ => traced.record_closest_hits(gpu, &mut commands, &self.rays, &self.hits)?,
+        };
+        let start = Instant::now();
+        let times = commands.times()?;
+        let on_wall = start.elapsed().as_secs_f64() * 1e3;
+        let milliseconds =
+            if gpu.has_timestamps() { times.iter().map(|pass| pass.milliseconds).sum() } else { on_wall };
+        Ok((milliseconds, undecided))
+    }
+
+    /// Rays that the driver cut short.
+    fn n_cut(&self, gpu: &Gpu, kind: Kind) -> Result<usize, GpuError> {
+        /// As in the kernels.
+        const CUT: u32 = u32::MAX - 1;
+        Ok(match kind {
+            Kind::Occlusion => gpu.read(&self.found)?.iter().filter(|&&found| found == CUT).count(),
+            _ => gpu.read(&self.hits)?.iter().filter(|hit| hit.instance == CUT).count(),
+        })
+    }
+}
+
+/// Scenes of several meshes, and one with thousands of instances.
+const LEVEL_SCENES: [&str; 3] = ["sponza", "country_kitchen", "built-in"];
+
+/// Measures the same scenes in one level and in two, and writes the table.
+pub(super) fn levels(out: &mut String, bench: &Bench) -> Result<()> {
+    let _ = writeln!(
+        out,
+        "\n### Levels\n\nThe BVH that `render` uploads, in one level and in two. Rays and rates as in the table of rays.\n\n\
+         | scene | instances | rays | number | one level | two levels | ratio | exact, one, percent | exact, two |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+    );
+    for name in LEVEL_SCENES {
+        let scene = if name == "built-in" { Some(canted_scene::builtin()) } else { models::scene(name)? };
+        let Some(scene) = scene else {
+            let _ = writeln!(out, "| {name} | not available |");
+            continue;
+        };
+        let (positions, triangles, _) = flatten(&scene)?;
+        let model = models::of_mesh(Mesh { positions, triangles });
+        let sets = sets(&model, &build(&model, &Config::preset(Preset::Balanced))?, bench);
+        let traced = [Levels::One, Levels::Two].map(|levels| {
+            let bvh = SceneBvh::build(&scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() })?;
+            Ok(traced_scene(&bench.gpu, &scene, &bvh)?)
+        });
+        let [one, two]: [Result<TracedScene>; 2] = traced;
+        let (one, two) = (one?, two?);
+        for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
+            let [one, two] = [cast(bench, &one, kind, &rays)?, cast(bench, &two, kind, &rays)?];
+            let share = |cast: &Cast| 1e2 * cast.n_exact as f64 / rays.len().max(1) as f64;
+            let _ = writeln!(
+                out,
+                "| {name} | {} | {} | {} | {} | {} | {:.2} | {:.2} | {:.2} |",
+                scene.instances.len(),
+                kind.name(),
+                rays.len(),
+                one.rates(rays.len()),
+                two.rates(rays.len()),
+                one.median() / two.median(),
+                share(&one),
+                share(&two)
+            );
+        }
+    }
+    Ok(())
 }
 
 /// A closed surface, thin diagonal parts, and a building.
@@ -203,7 +263,7 @@ pub(super) fn structures(out: &mut String, bench: &Bench) -> Result<()> {
         out,
         "\n### From the mesh to the hits\n\nOne BVH over all triangles, 63-bit codes but for one row. Ready: gathering, building, uploading and waiting, from vertices and \
          indices in the memory of the CPU, which uses {} threads. Oriented nodes have boxes of the strategy combined. Camera, diffuse, occlusion: \
-         million rays per second of device time, as in the next table. Whole: ready, uploading camera and diffuse rays, tracing \
+         million rays per second of device time, as in the table of rays. Whole: ready, uploading camera and diffuse rays, tracing \
          and reading hits back. Minimum milliseconds of {} rounds after a warm-up.\n\n\
          | scene | BVH | ready | MB | camera | diffuse | occlusion | rays | whole |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         rayon::current_num_threads(),

@@ -4,10 +4,10 @@ use std::marker::PhantomData;
 use std::sync::{Arc, PoisonError};
 
 use bytemuck::Pod;
-use wgpu::{BufferDescriptor, BufferUsages, MapMode};
+use wgpu::{BufferDescriptor, BufferUsages};
 
 use crate::memory::{CHUNK, FrameBuffer, FrameBuffers, Reservation, Traffic, changed, hash};
-use crate::wait::{block_on, slot};
+use crate::wait::block_on;
 use crate::{Gpu, GpuError};
 
 /// A device buffer of `len` values of `T`. Never empty on the device, because an empty binding is invalid.
@@ -189,29 +189,7 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::read`].
     pub async fn read_first_async<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
-        let n_bytes = buffer.len.min(len) * size_of::<T>();
-        if n_bytes == 0 {
-            return Ok(vec![]);
-        }
-        self.check()?;
-        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let size = n_bytes.next_multiple_of(4) as u64;
-        let descriptor = BufferDescriptor { label: Some("read-back"), size, usage, mapped_at_creation: false };
-        let staging = self.device.create_buffer(&descriptor);
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, 0, size);
-        let submission = self.queue.submit([encoder.finish()]);
-        let (mapped, result) = slot();
-        staging.map_async(MapMode::Read, .., move |result| mapped.send(result));
-        self.wait(submission).await?;
-        match result.receive().await {
-            Some(Ok(())) => {}
-            Some(Err(error)) => return Err(GpuError::Lost { message: error.to_string() }),
-            None => return Err(GpuError::Lost { message: "a buffer is never mapped".to_owned() }),
-        }
-        let view = staging.get_mapped_range(..).map_err(|error| GpuError::Lost { message: error.to_string() })?;
-        self.counters.add_download(size);
-        Ok(bytemuck::pod_collect_to_vec(&view[..n_bytes]))
+        self.download(buffer, buffer.len.min(len)).await
     }
 }
 

@@ -2,7 +2,10 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, OnceLock, PoisonError},
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 use canted_shaders::MAX_STORAGE_BUFFERS;
@@ -10,6 +13,7 @@ use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints
 
 use crate::adapter::{AdapterInfo, Choice, choose, facts_of};
 use crate::memory::{Counters, FrameBuffers, Memory};
+use crate::staging::Staging;
 #[cfg(not(target_family = "wasm"))]
 use crate::timeout::AdaptiveTimeout;
 use crate::wait::block_on;
@@ -30,6 +34,9 @@ pub struct Gpu {
     kernels: Mutex<HashMap<String, Arc<Kernel>>>,
     pub(crate) frame_buffers: Mutex<Option<FrameBuffers>>,
     pub(crate) counters: Counters,
+    /// Whether all kernels keep the checks of `wgpu`; see [`crate::trusted`].
+    is_checked: AtomicBool,
+    pub(crate) staging: Staging,
     /// See [`crate::commands::longest_loop`].
     pub(crate) longest_loop: OnceLock<u32>,
 }
@@ -136,6 +143,8 @@ impl Gpu {
             kernels: Mutex::default(),
             frame_buffers: Mutex::default(),
             counters: Counters::default(),
+            is_checked: AtomicBool::new(false),
+            staging: Staging::default(),
             longest_loop: OnceLock::new(),
         }
     }
@@ -217,7 +226,9 @@ impl Gpu {
             return Ok(kernel.clone());
         }
         self.check()?;
-        let kernel = Arc::new(self.guarded(|| Kernel::new(&self.device, &self.limits, name, chosen))??);
+        let is_checked = self.is_checked.load(Ordering::Relaxed);
+        let make = || Kernel::new(&self.device, &self.limits, name, chosen, is_checked);
+        let kernel = Arc::new(self.guarded(make)??);
         self.check()?;
         kernels.insert(key, kernel.clone());
         Ok(kernel)
@@ -270,6 +281,12 @@ impl Gpu {
         self.queue.on_submitted_work_done(move || done.send(()));
         finished.receive().await;
         self.check()
+    }
+
+    /// Compiles kernels with the checks of `wgpu` from now on, to compare their answers with those of kernels without them.
+    #[doc(hidden)]
+    pub fn check_all_kernels(&self) {
+        self.is_checked.store(true, Ordering::Relaxed);
     }
 
     /// Simulates the loss of the device, to test error handling.

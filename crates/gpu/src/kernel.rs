@@ -3,7 +3,7 @@
 use canted_shaders::{Binding, BindingKind, Entry, Shader, Variant};
 use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
 
-use crate::GpuError;
+use crate::{GpuError, trusted};
 
 /// A compute kernel on a device.
 pub struct Kernel {
@@ -13,15 +13,25 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    pub(crate) fn new(device: &wgpu::Device, limits: &Limits, name: &str, chosen: &Variant) -> Result<Self, GpuError> {
+    /// `is_checked`: whether it keeps the checks of `wgpu` also where it needs none.
+    pub(crate) fn new(
+        device: &wgpu::Device,
+        limits: &Limits,
+        name: &str,
+        chosen: &Variant,
+        is_checked: bool,
+    ) -> Result<Self, GpuError> {
         let shader = Shader::new(name, chosen)?;
         let entry =
             shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
         fits(name, entry, limits)?;
-        let module = device.create_shader_module(ShaderModuleDescriptor {
-            label: Some(name),
-            source: ShaderSource::Wgsl(shader.source.as_str().into()),
-        });
+        let descriptor =
+            ShaderModuleDescriptor { label: Some(name), source: ShaderSource::Wgsl(shader.source.as_str().into()) };
+        let module = if is_checked || !trusted::is_proved(name) {
+            device.create_shader_module(descriptor)
+        } else {
+            trusted::module(device, name, descriptor)
+        };
         let constants: Vec<(&str, f64)> =
             shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
         let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {

@@ -187,7 +187,7 @@
 //!
 //! The software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has been measured yet.
 //! Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod adapter;
 mod buffer;
@@ -198,9 +198,11 @@ mod error;
 mod kernel;
 mod memory;
 mod raster;
+mod staging;
 #[cfg(not(target_family = "wasm"))]
 mod timeout;
 mod trace;
+mod trusted;
 mod wait;
 
 pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters, adapters_async};

@@ -4,7 +4,10 @@
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Hair, Mesh, displaced_icosphere, grid, hair, object_views, scaffold, soup, truss};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, Outcome, SceneInput, TracedScene};
+use canted_tests::closed::placements;
 use canted_tests::rays;
+use canted_tests::scenes::{baked, transforms};
+use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Intersect, Ray, ScaledRay};
 use canted_wide::{Config, NodeKind, TriangleBvh};
 
@@ -15,6 +18,8 @@ pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(certain_hits_are_the_cpus),
         needs_device(with_negative_bounds_certain_hits_are_wrong),
+        needs_device(certain_hits_of_instances_are_the_cpus),
+        needs_device(instances_leave_few_rays_undecided),
         needs_device(few_rays_are_undecided),
     ]
 }
@@ -32,6 +37,10 @@ struct Tally {
 impl Tally {
     fn add(&mut self, gpu: &Gpu, bvh: &TriangleBvh, rays: &[Ray], bound_scale: f64) {
         let scene = TracedScene::new(gpu, SceneInput::upload([bvh])).unwrap();
+        self.compare(gpu, &scene, bvh, rays, bound_scale);
+    }
+
+    fn compare(&mut self, gpu: &Gpu, scene: &TracedScene, cpu: &dyn Intersect, rays: &[Ray], bound_scale: f64) {
         let rays: Vec<_> = rays.iter().filter_map(|ray| Some((ray, ScaledRay::new(ray)?))).collect();
         let there: Vec<DeviceRay> = rays.iter().map(|(_, scaled)| DeviceRay::scaled(scaled)).collect();
         self.n_rays += rays.len();
@@ -40,9 +49,9 @@ impl Tally {
                 self.n_undecided += 1;
                 continue;
             };
-            let device = (hit.instance != DeviceHit::NONE).then_some(hit.primitive);
+            let device = (hit.instance != DeviceHit::NONE).then_some((hit.instance, hit.primitive));
             self.n_certain_hits += usize::from(device.is_some());
-            self.n_wrong += usize::from(bvh.closest_hit(ray).map(|hit| hit.primitive.0) != device);
+            self.n_wrong += usize::from(cpu.closest_hit(ray).map(|hit| (hit.instance.0, hit.primitive.0)) != device);
         }
     }
 }
@@ -87,6 +96,65 @@ fn with_negative_bounds_certain_hits_are_wrong() {
     let mut n_wrong = 0;
     of_grazing_rays(-1.0, |_, tally| n_wrong += tally.n_wrong);
     assert!(n_wrong > 20, "{n_wrong} wrong hits");
+}
+
+/// Two instances of two meshes in each of many places, mirrored, sheared, tiny and far ones among them.
+fn placed_twice() -> ([Mesh; 2], Vec<Instance>) {
+    let meshes = [displaced_icosphere(3, 2), scaffold(1, true)];
+    let places = placements().iter().map(|placement| placement.world_from_object).collect::<Vec<_>>();
+    let places = places.into_iter().chain(transforms().into_iter().map(|(_, at)| at));
+    let instances = (0..).zip(places.flat_map(|at| [at; 2])).map(|(i, at)| Instance::new(i % 2, at)).collect();
+    (meshes, instances)
+}
+
+/// Rays that graze the edges of instances, through every kind of node; with negative bounds some certain hits are wrong.
+#[expect(clippy::print_stderr, reason = "the counts are reported")]
+fn certain_hits_of_instances_are_the_cpus() {
+    let gpu = gpu();
+    let (meshes, instances) = placed_twice();
+    let all_rays: Vec<Ray> = (0u64..)
+        .zip(&instances)
+        .flat_map(|(seed, instance)| {
+            let there = baked(&meshes[instance.blas as usize], &instance.world_from_object);
+            [rays::of_all_classes(&there, 20, 90 + seed), rays::from_inside(&there, 40, 120 + seed)].concat()
+        })
+        .collect();
+    let mut n_wrong = 0;
+    for config in [Config::default(), of_one_kind(NodeKind::Aligned), of_one_kind(NodeKind::Oriented)] {
+        let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+        let scene = TracedScene::new(&gpu, SceneInput::upload(&bottom).instances(&instances)).unwrap();
+        let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
+        let [mut tally, mut of_negative] = [Tally::default(), Tally::default()];
+        tally.compare(&gpu, &scene, &tlas, &all_rays, 1.0);
+        eprintln!("{config:?}: {tally:?}");
+        assert_eq!(tally.n_wrong, 0, "{config:?}: {tally:?}");
+        assert!(tally.n_certain_hits > 100 && tally.n_undecided > 100, "{config:?}: {tally:?}");
+        of_negative.compare(&gpu, &scene, &tlas, &all_rays, -1.0);
+        n_wrong += of_negative.n_wrong;
+    }
+    assert!(n_wrong > 20, "{n_wrong} wrong hits");
+}
+
+/// Views of instances that rotate, scale and move.
+#[expect(clippy::print_stderr, reason = "the counts are reported")]
+fn instances_leave_few_rays_undecided() {
+    let gpu = gpu();
+    let mesh = displaced_icosphere(3, 4);
+    let instances: Vec<Instance> =
+        placements().iter().map(|placement| Instance::new(0, placement.world_from_object)).collect();
+    let bottom = [build(&mesh, &Config::default())];
+    let scene = TracedScene::new(&gpu, SceneInput::upload(&bottom).instances(&instances)).unwrap();
+    let tlas = Tlas::new(bottom.into(), &instances, TopConfig::default()).unwrap();
+    for instance in &instances {
+        let there = baked(&mesh, &instance.world_from_object);
+        let rays: Vec<Ray> = object_views(&there).iter().flat_map(|view| view.rays(32)).map(rays::endless).collect();
+        let mut tally = Tally::default();
+        tally.compare(&gpu, &scene, &tlas, &rays, 1.0);
+        eprintln!("{:?}: {tally:?}", instance.world_from_object);
+        assert_eq!(tally.n_wrong, 0, "{tally:?}");
+        assert!(tally.n_certain_hits > 30, "{tally:?}");
+        assert!((tally.n_undecided as f64) < 0.05 * tally.n_rays as f64, "{tally:?}");
+    }
 }
 
 /// Views of whole objects, and the shares of rays that they may leave to exact arithmetic.

@@ -347,15 +347,6 @@ impl Level {
         }
     }
 
-    /// The part of this level for `shared/certain`, which has no instances.
-    pub(super) fn certain_part(&self) -> Option<&'static str> {
-        match self {
-            Self::One => Some("shared/level/one_level/single"),
-            Self::Flat(_) => Some("shared/level/one_level/flat"),
-            Self::Two(_) => None,
-        }
-    }
-
     pub(super) fn n_bytes(&self) -> u64 {
         match self {
             Self::One => 0,

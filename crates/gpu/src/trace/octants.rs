@@ -10,11 +10,11 @@ const WIDTH: usize = 8;
 /// Words of a line, the unit of node addresses.
 const LINE: usize = 16;
 
-/// The nodes of a BVH with the children of each in other places: child `i` toward the corner of the node that is high along axis `k` where bit `k`
+/// A BVH with the children of each node in other places: child `i` toward the corner of the node that is high along axis `k` where bit `k`
 /// of `i` is set, in the frame of the mesh. Hits stay the same; rays that take the children in the order of `i ^ octant` meet near ones first.
 ///
 /// Greedy, after Ylitie, Karras and Laine 2017, who solve the assignment: the child and the corner that fit best come first.
-pub(super) fn by_octants(bvh: &RawBvh<'_>) -> Vec<u32> {
+pub(super) fn by_octants<'a>(bvh: &RawBvh<'a>) -> RawBvh<'a> {
     let mut nodes = bvh.nodes.to_vec();
     let mut waiting = vec![bvh.root];
     while let Some(word) = waiting.pop() {
@@ -36,7 +36,7 @@ pub(super) fn by_octants(bvh: &RawBvh<'_>) -> Vec<u32> {
         }
         waiting.extend(children);
     }
-    nodes
+    RawBvh { nodes: nodes.into(), ..bvh.clone() }
 }
 
 fn number(node: &[u32], row: usize, child: usize) -> f32 {
@@ -136,7 +136,7 @@ mod tests {
                     let column = |i: usize| (0..n_rows).map(|row| nodes[at + row * WIDTH + i]).collect::<Vec<_>>();
                     (0..WIDTH).map(column).collect::<Vec<_>>()
                 };
-                let (mut old, mut new) = (columns(&raw.nodes), columns(&moved));
+                let (mut old, mut new) = (columns(&raw.nodes), columns(&moved.nodes));
                 n_moved += usize::from(old != new);
                 waiting.extend(new.iter().map(|column| column[n_rows - 1]));
                 old.sort_unstable();

@@ -165,6 +165,10 @@ impl TracedScene {
         rays: &Buffer<DeviceRay>,
         (into, answers): (&str, &Buffer<T>),
     ) -> Result<Option<Buffer<u32>>, GpuError> {
+        if answers.len() < rays.len() {
+            let message = format!("{} answers have no room for those of {} rays", answers.len(), rays.len());
+            return Err(GpuError::Input { message });
+        }
         let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
         let mut bound = self.bindings();
         bound.extend([("rays", rays as &dyn AsBinding), (into, answers)]);

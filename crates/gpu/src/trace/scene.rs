@@ -150,20 +150,20 @@ impl TracedScene {
             Levels::One(first_triangles) => {
                 check_coordinates(|| "the scene".to_owned(), meshes[0].0.reach.into())?;
                 check_depth(deepest)?;
-                let words = &meshes[0].0;
-                let ordered = RawBvh { nodes: by_octants(words).into(), ..words.clone() };
-                let (nodes, headers) = WideNodes::uploaded(gpu, &[(&ordered, HitError::of_triangles(words.reach))])?;
+                let words = by_octants(&meshes[0].0);
+                let (nodes, headers) = WideNodes::uploaded(gpu, &[(&words, HitError::of_triangles(words.reach))])?;
                 let level = Level::flat(gpu, first_triangles)?;
                 return Self::over(gpu, Nodes::Wide(nodes), &headers, level, deepest).await;
             }
             Levels::Two(instances) => instances,
         };
         let outer = TopLevel::new(&bounds.collect::<Vec<_>>(), instances)?;
-        let words = outer.bvh.raw();
+        let words = by_octants(&outer.bvh.raw());
         let depth = words.depth + deepest;
         check_depth(depth)?;
         let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order(&words))?);
-        let bvhs = meshes.iter().map(|(words, _)| (words, HitError::of_triangles(words.reach)));
+        let ordered: Vec<_> = meshes.iter().map(|(words, _)| by_octants(words)).collect();
+        let bvhs = ordered.iter().map(|words| (words, HitError::of_triangles(words.reach)));
         let all: Vec<_> = std::iter::once((&words, outer.packing.error)).chain(bvhs).collect();
         let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
         Self::over(gpu, Nodes::Wide(nodes), &headers, level, depth).await
@@ -266,14 +266,14 @@ impl TracedScene {
         self.nodes.specialize(chosen).number("STACK_SIZE", self.depth.max(1))
     }
 
-    /// `chosen` for a kernel of `shared/certain`; `None` where these BVHs need exact kernels for all rays: binary ones, and two levels.
+    /// `chosen` for a kernel of `shared/certain`; `None` for binary BVHs, which need exact kernels for all rays.
     pub(super) fn specialize_certain(&self, kernel: &str, chosen: Variant) -> Result<Option<Variant>, GpuError> {
-        let (Some(part), Nodes::Wide(_)) = (self.level.certain_part(), &self.nodes) else { return Ok(None) };
-        Ok(Some(self.specialize(chosen).part("one_level", part).of_kernel(kernel)?))
+        let Nodes::Wide(_) = &self.nodes else { return Ok(None) };
+        Ok(Some(self.specialize(chosen).of_kernel(kernel)?))
     }
 
     /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave
-    /// undecided, or all where the scene has instances or binary BVHs.
+    /// undecided, or all of them where the BVHs are binary.
     #[must_use]
     pub fn n_exact_rays(&self) -> u64 {
         self.n_exact_rays.load(Ordering::Relaxed)

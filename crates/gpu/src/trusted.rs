@@ -1,0 +1,33 @@
+//! Kernels whose every index is proved, compiled without the checks that `wgpu` adds to each access and loop.
+//!
+//! The checks cost up to a tenth of the rays a second. Browsers keep them.
+//!
+//! What is proved, of the kernels of [`PROVED`]:
+//!
+//! * *Rays and answers*: an invocation without a ray returns first, by `arrayLength` of the rays. The host refuses fewer answers, and a list
+//!   of undecided rays that is not longer than the rays (`trace/query`).
+//! * *Nodes, triangles, instances*: a BVH of the CPU is checked when it is built or loaded, so its words refer to its own nodes and triangles; nodes
+//!   that the device builds are numbered from the sorted codes alone, whatever the vertices are. The top level refers to the uploaded instances.
+//! * *The stack*: it has an entry for each level of nodes, and the host makes it as large as the depth of the BVHs (`trace/scene`).
+//! * *Rows of a node*: children are numbered by three bits.
+//! * *Loops*: every one counts its iterations up to a constant, or a number that the word of a leaf limits to 32.
+//! * *Divisions of integers*: by constants.
+#![expect(unsafe_code, reason = "the functions of wgpu that skip checks")]
+
+use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
+
+/// Kernels whose text is this crate's and whose indices are proved.
+const PROVED: [&str; 3] = ["trace/certain_closest", "trace/certain_occluded", "trace/certain_weights"];
+
+/// Whether a kernel needs no checks.
+pub(crate) fn is_proved(kernel: &str) -> bool {
+    PROVED.contains(&kernel)
+}
+
+/// A module of a kernel that [`is_proved`], without checks.
+pub(crate) fn module(device: &Device, kernel: &str, descriptor: ShaderModuleDescriptor<'_>) -> ShaderModule {
+    assert!(is_proved(kernel), "kernel '{kernel}' needs checks");
+    // SAFETY: the text is that of a kernel of `PROVED`, for which the front page of this module shows that no index is out of bounds, that every
+    // loop ends, and that nothing is divided by zero.
+    unsafe { device.create_shader_module_trusted(descriptor, ShaderRuntimeChecks::unchecked()) }
+}
