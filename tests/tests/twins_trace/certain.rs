@@ -20,6 +20,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(with_negative_bounds_certain_hits_are_wrong),
         needs_device(certain_hits_of_instances_are_the_cpus),
         needs_device(instances_leave_few_rays_undecided),
+        needs_device(kernels_without_checks_answer_as_those_with_them),
         needs_device(few_rays_are_undecided),
     ]
 }
@@ -176,5 +177,41 @@ fn few_rays_are_undecided() {
         assert_eq!(tally.n_wrong, 0, "{name}: {tally:?}");
         assert!(tally.n_certain_hits > 300, "{name}: {tally:?}");
         assert!((tally.n_undecided as f64) < most * tally.n_rays as f64, "{name}: {tally:?}");
+    }
+}
+
+/// Kernels without the checks of `wgpu` answer as those with them, bit for bit, at every level.
+fn kernels_without_checks_answer_as_those_with_them() {
+    let [unchecked, checked] = [gpu(), gpu()];
+    checked.check_all_kernels();
+    let mesh = scaffold(1, true);
+    let (meshes, instances) = placed_twice();
+    let moving: Vec<Instance> = instances
+        .iter()
+        .map(|instance| {
+            let mut close = instance.world_from_object;
+            close.columns[3][0] += 0.125;
+            Instance { world_from_object_close: Some(close), ..*instance }
+        })
+        .collect();
+    let all_rays = [rays::of_all_classes(&mesh, 20, 5), rays::from_inside(&mesh, 300, 6)].concat();
+    for config in [of_one_kind(NodeKind::Aligned), of_one_kind(NodeKind::Oriented)] {
+        let flat = build(&mesh, &config);
+        let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+        let inputs = || {
+            [
+                SceneInput::upload([&flat]),
+                SceneInput::upload([&flat]).parts(&[0, 7]),
+                SceneInput::upload(&bottom).instances(&instances),
+                SceneInput::upload(&bottom).instances(&moving),
+            ]
+        };
+        for (number, (one, other)) in inputs().into_iter().zip(inputs()).enumerate() {
+            let [without, with] = [(&unchecked, one), (&checked, other)].map(|(gpu, input)| {
+                let scene = TracedScene::new(gpu, input).unwrap();
+                (scene.closest_hits(gpu, &all_rays).unwrap(), scene.occluded(gpu, &all_rays).unwrap())
+            });
+            assert!(without == with, "input {number}, {config:?}");
+        }
     }
 }
