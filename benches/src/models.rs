@@ -59,6 +59,9 @@ const FILES: [(&str, &str, Option<[View; 4]>); 12] = [
 /// The scene that is measured with a TLAS.
 const TOWER_FIELD: &str = "tower_field";
 
+/// The scene of the program.
+pub(crate) const BUILT_IN: &str = "built-in";
+
 /// Suffix of the name of a rotated scene.
 const ROTATED: &str = "_rotated";
 
@@ -106,8 +109,11 @@ fn placed(scene: &Scene) -> Placed {
     }
 }
 
-/// Reads a real model; `None` if it is not available.
+/// The scene that the program draws without a file, or a real model; `None` if it is not available.
 pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
+    if name == BUILT_IN {
+        return Ok(Some(canted_scene::builtin()));
+    }
     Ok(path(name)?.map(|path| canted_scene::read(&path)).transpose()?)
 }
 

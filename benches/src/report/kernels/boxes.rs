@@ -120,7 +120,7 @@ pub(super) fn measure(effort: usize, rounds: usize, device: Option<&Device>) -> 
     cases.extend(lanes::SHARES.map(|(share, name)| (name, lanes::pairs(share, 400 * effort))));
     for (place, (case, pairs)) in cases.iter().enumerate() {
         let truths = [false, true].map(|is_aligned| truths(pairs, is_aligned));
-        for (i, Tested { name, answers, ns }) in tested(pairs, rounds, device)?.into_iter().enumerate() {
+        for (i, Tested { name, answers, ns, .. }) in tested(pairs, rounds, device)?.into_iter().enumerate() {
             let is_aligned = ROUTINES.get(i).is_none_or(|routine| routine.is_aligned);
             let found = Accuracy::of(pairs, &truths[usize::from(is_aligned)], &answers);
             let mut row = vec![Cell::text(*case), Cell::text(&name)];

@@ -34,7 +34,8 @@ fn one_leaf() -> Config {
     Config { costs, rotate_mesh: false, ..Config::default() }
 }
 
-fn leaf(corners: &[Corners]) -> Result<TriangleBvh> {
+/// A BVH of one leaf.
+pub(super) fn leaf(corners: &[Corners]) -> Result<TriangleBvh> {
     let triangles: Vec<[u32; 3]> = (0..).step_by(3).take(corners.len()).map(|i| [i, i + 1, i + 2]).collect();
     Ok(TriangleBvh::build_with(corners.as_flattened(), &triangles, one_leaf())?)
 }

@@ -2,7 +2,9 @@
 
 mod boxes;
 mod lanes;
+mod segments;
 mod triangles;
+mod whole;
 
 use anyhow::{Result, ensure};
 use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, Variant};
@@ -19,6 +21,7 @@ use crate::{
 };
 
 pub(super) use canted_tests::extremes::triangle::Pair;
+use canted_tests::extremes::triangle::cases;
 
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
@@ -37,7 +40,13 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     chapter.tables.push(of_boxes.table);
     chapter.plots.extend(of_boxes.plots);
     chapter.tables.push(lanes::measure(effort, rounds, device.as_ref())?);
-    chapter.set_sentences(says.into_iter().chain(of_boxes.says));
+    let pairs: Vec<Pair> = cases(effort.pick(1, 10, 10)).into_iter().flat_map(|(_, pairs)| pairs).collect();
+    let pairs: Vec<Pair> = pairs.into_iter().filter(|(ray, _)| ScaledRay::new(ray).is_some()).collect();
+    let (table, of_all) = whole::measure(&pairs, rounds, device.as_ref())?;
+    chapter.tables.push(table);
+    let (table, of_segments) = segments::measure(effort.pick(1, 6, 6), rounds)?;
+    chapter.tables.push(table);
+    chapter.set_sentences(says.into_iter().chain(of_boxes.says).chain([of_all, of_segments]));
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
@@ -46,7 +55,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 const ORIENTED_NODES: &str = "oriented boxes eight at a time, on paths and on devices: only triangle BVHs have oriented nodes, \
     chosen by cost; the chapters on hierarchies and unused features measure such BVHs";
 
-const METHOD: [&str; 7] = [
+const METHOD: [&str; 8] = [
     "The truth is the exact solution in fractions for the bits of the ray and the triangle. An answer is wrong if it is a hit and \
      the truth is a miss, or the reverse; triangles are closed, so rays through an edge are hits. The error of t is in units in the \
      last place of the true value, that of u and v in units of 2^-24. An f32 kernel cannot be right for all such rays: near an edge \
@@ -55,7 +64,7 @@ const METHOD: [&str; 7] = [
      number means little.",
     "Times are of one thread, one test after another; triangle records and per-ray values are computed before. All tests on the \
      processor run in turn, round by round, after a warm-up. Points are medians, bars reach from minimum to maximum.",
-    "'Möller, Trumbore' and 'Baldwin, Weber' are ours: each has its own f32 filter, and both share the exact f64 test of what passes \
+    "'Möller, Trumbore', 'Baldwin, Weber' and 'projected' are ours: each has its own f32 filter, and all share the exact f64 test of what passes \
      it. So their errors and answers are the same, and only their times differ.",
     "Paths test eight triangles or boxes at once. Their answers are of BVHs of one triangle each, asserted to equal the single \
      watertight test bit for bit; their times are of rays through leaves of 32 triangles of the case, divided by 32, including the \
@@ -71,6 +80,9 @@ const METHOD: [&str; 7] = [
      reported as misses, which must never happen; 'enters' are rays that miss the box but enter it because of its padding. Most \
      cases aim at the box, so that misses are within a rounding; the last three pass an oriented box at a distance. The error of an \
      entry is that of `t` for rays that begin outside; ours enter early by their padding.",
+    "The table of one core and all cores has the pairs of all cases, each thread its own loops over all of them, in wall time, which other processes affect. \
+     The numbers with transfer are of one upload of all rays, one dispatch and one download of all hits. Segments are those rays towards a box whose ends and \
+     their difference single precision holds exactly, so that both tests have the same truth.",
     "The table of one leaf measures complete calls: on a device they include uploading rays and downloading hits.",
 ];
 
@@ -100,6 +112,8 @@ pub(super) struct Tested<A> {
     pub(super) answers: Vec<A>,
     /// Nanoseconds per test.
     pub(super) ns: Samples,
+    /// The same with uploads and downloads, on a device.
+    pub(super) with_transfer: Option<Samples>,
 }
 
 /// Times all after a warm-up, in turn.
@@ -112,7 +126,8 @@ pub(super) fn run<A>(tests: Vec<Test<'_, A>>, rounds: usize) -> Vec<Tested<A>> {
     let timings = timing::run(rounds, contenders.collect());
     let tested = |(test, timing): (Test<'_, A>, timing::Timing)| {
         let to_ns = 1e9 / (repeats(test.n_tests) * test.n_tests.max(1)) as f64;
-        Tested { name: test.name, answers: test.answers, ns: Samples::from(timing.seconds).scaled(to_ns) }
+        let ns = Samples::from(timing.seconds).scaled(to_ns);
+        Tested { name: test.name, answers: test.answers, ns, with_transfer: None }
     };
     tests.into_iter().zip(timings).map(tested).collect()
 }
@@ -211,25 +226,30 @@ impl Device {
     /// Each ray and the only triangle of its tree.
     pub(super) fn triangles(&self, trees: &[TriangleBvh], rays: &[Ray], rounds: usize) -> Result<Tested<Answer>> {
         ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a BVH of one triangle has a node");
-        let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
+        let (hits, ns, with_transfer) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
         let answer = |(ray, &[t, u, v, primitive, _]): (&Ray, &[u32; 5])| {
             let ray = ScaledRay::new(ray).filter(|_| primitive != NONE)?;
             Some([ray.caller_t(f32::from_bits(t)), f32::from_bits(u), f32::from_bits(v)])
         };
-        Ok(Tested { name: "device".to_owned(), answers: rays.iter().zip(&hits).map(answer).collect(), ns })
+        Ok(Tested {
+            name: "device".to_owned(),
+            answers: rays.iter().zip(&hits).map(answer).collect(),
+            ns,
+            with_transfer: Some(with_transfer),
+        })
     }
 
     /// Each ray and the eight equal boxes of its tree's only node.
     pub(super) fn boxes(&self, trees: &[TriangleBvh], rays: &[Ray], rounds: usize) -> Result<Tested<Option<f32>>> {
         ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a BVH of eight boxes is not one node");
-        let (entries, ns) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
+        let (entries, ns, _) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
         let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
             let ray = ScaledRay::new(ray).filter(|_| entry != NONE)?;
             Some(ray.caller_t(f32::from_bits(entry & !BOX_BITS)))
         };
         let each = ns.scaled(1.0 / LANES as f64);
         let name = format!("its axis-aligned box, device, of {LANES}");
-        Ok(Tested { name, answers: rays.iter().zip(&entries).map(answer).collect(), ns: each })
+        Ok(Tested { name, answers: rays.iter().zip(&entries).map(answer).collect(), ns: each, with_transfer: None })
     }
 
     /// The output of a kernel for each ray and its BVH, and nanoseconds per test by the device's own clock if it has
@@ -240,7 +260,7 @@ impl Device {
         trees: &[TriangleBvh],
         rays: &[Ray],
         rounds: usize,
-    ) -> Result<(Vec<[u32; N]>, Samples)> {
+    ) -> Result<(Vec<[u32; N]>, Samples, Samples)> {
         let gpu = &self.gpu;
         let scene = TracedScene::new(gpu, SceneInput::upload(trees).instances(&[]))?;
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
@@ -248,13 +268,14 @@ impl Device {
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
         ensure!(own.len() == trees.len() && !own.is_empty(), "{} rays of {} BVHs", own.len(), trees.len());
         // Multiples of the number of BVHs, so that every ray has its own.
-        let all = gpu.buffer("rays", &own.repeat(self.n_rays.div_ceil(own.len())))?;
+        let repeated = own.repeat(self.n_rays.div_ceil(own.len()));
+        let all = gpu.buffer("rays", &repeated)?;
         let answers = gpu.zeroed::<[u32; N]>("answers", all.len())?;
         let mut bound = scene.bindings();
         bound.push(("rays", &all));
         bound.push((into, &answers));
         let to_ns = 1.0 / all.len() as f64;
-        let mut ns = vec![];
+        let (mut ns, mut with_transfer) = (vec![], vec![]);
         // The driver compiles in round 0.
         for round in 0..=rounds {
             let mut commands = gpu.timed_commands();
@@ -266,7 +287,22 @@ impl Device {
                 ns.push(to_ns * if passes.is_empty() { wall.wall * 1e9 } else { on_device });
             }
         }
-        Ok((gpu.read_first(&answers, own.len())?, ns.into()))
+        for _ in 0..rounds {
+            let (done, took) = crate::timing::time(|| -> Result<()> {
+                let all = gpu.buffer("rays", &repeated)?;
+                let mut bound = scene.bindings();
+                bound.push(("rays", &all));
+                bound.push((into, &answers));
+                let mut commands = gpu.timed_commands();
+                commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
+                commands.times()?;
+                gpu.read_first(&answers, all.len())?;
+                Ok(())
+            });
+            done?;
+            with_transfer.push(to_ns * took.wall * 1e9);
+        }
+        Ok((gpu.read_first(&answers, own.len())?, ns.into(), with_transfer.into()))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use canted_tests::extremes::triangle::cases;
-use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
+use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Projected, Ray, ScaledRay, Watertight};
 use obvhs::{ray::Ray as TheirRay, triangle::Triangle};
 
 use super::lanes;
@@ -57,13 +57,14 @@ fn obvhs(pairs: &[Pair]) -> Test<'static, Answer> {
 }
 
 /// Single tests on the processor: ours, then the peer's.
-const N_SINGLE: usize = 4;
+const N_SINGLE: usize = 5;
 
 fn singles(pairs: &[Pair]) -> [Test<'static, Answer>; N_SINGLE] {
     [
         ours::<Watertight>("watertight", pairs),
         ours::<MollerTrumbore>("Möller, Trumbore", pairs),
         ours::<BaldwinWeber>("Baldwin, Weber", pairs),
+        ours::<Projected>("projected", pairs),
         obvhs(pairs),
     ]
 }
@@ -104,7 +105,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
         pairs.retain(|(ray, _)| ScaledRay::new(ray).is_some());
         let truths: Vec<ExactHit> = pairs.iter().map(ExactHit::of).collect();
         let mut row = vec![Cell::text(case)];
-        for (i, Tested { name, answers, ns }) in tested(&pairs, rounds, device)?.into_iter().enumerate() {
+        for (i, Tested { name, answers, ns, .. }) in tested(&pairs, rounds, device)?.into_iter().enumerate() {
             let found = Accuracy::of(&truths, &answers);
             if (N_SINGLE..N_SINGLE + n_paths).contains(&i) {
                 row.push(Cell::measured(ns.clone(), "ns"));
@@ -147,14 +148,15 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
 
 /// What is stored for a triangle.
 fn bytes() -> String {
-    let [watertight, moller_trumbore, baldwin_weber] = [
+    let [watertight, moller_trumbore, baldwin_weber, projected] = [
         size_of::<<Watertight as Kernel>::Record>(),
         size_of::<<MollerTrumbore as Kernel>::Record>(),
         size_of::<<BaldwinWeber as Kernel>::Record>(),
+        size_of::<<Projected as Kernel>::Record>(),
     ];
     format!(
-        "A triangle takes {watertight} bytes in the watertight test, {moller_trumbore} in that of Möller and Trumbore, and {baldwin_weber} in that of \
-         Baldwin and Weber, which stores a map beside the vertices."
+        "A triangle takes {watertight} bytes in the watertight test, {moller_trumbore} in that of Möller and Trumbore, {projected} in the projected one, \
+         which stores its plane with the vertices, and {baldwin_weber} in that of Baldwin and Weber, which stores a map."
     )
 }
 
@@ -226,6 +228,7 @@ impl Sum {
 fn capital(name: &str) -> String {
     match name {
         "watertight" => "Watertight".to_owned(),
+        "projected" => "Projected".to_owned(),
         "device" => "The device".to_owned(),
         _ => name.to_owned(),
     }

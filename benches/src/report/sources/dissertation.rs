@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_fixtures::Mesh;
 use canted_gpu::{
-    AdapterKind, Choice, Gpu,
+    AdapterKind, Choice, Gpu, SceneInput, TracedScene,
     build::{self, Passes, Primitives},
 };
 use canted_lbvh::{Bits, Costs, Domain, Strategy, Tree, TreeCost, VolumeConfig};
@@ -269,7 +269,7 @@ fn oriented_percent(sums: &TreeCost) -> f64 {
 
 /// The meshes of the scene's file in world space, or the struts of a generated lattice.
 pub(super) fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
-    let scene = if [SPONZA, KITCHEN].contains(&name) { models::scene(name)? } else { None };
+    let scene = if [SPONZA, KITCHEN, models::BUILT_IN].contains(&name) { models::scene(name)? } else { None };
     Ok(match scene {
         Some(scene) => cut(canted_renderer::flatten(&scene)?),
         None => pieces(&model.mesh),
@@ -407,7 +407,7 @@ pub(super) fn tests_per_ray(chapter: &mut Chapter, effort: Effort) -> Result<Fou
         ],
     );
     let (mut found, mut rates) = (vec![], vec![]);
-    for (name, model) in scenes(effort, &[SPONZA, KITCHEN], chapter)? {
+    for (name, model) in scenes(effort, &[SPONZA, KITCHEN, models::BUILT_IN], chapter)? {
         let rays = models::camera(&model, effort.pick(16, 128, 128));
         let (n_meshes, test_rows) = one_thread(|| test_rows(name, &model, &rays, effort.pick(2, 3, 7)))??;
         for row in &test_rows {
@@ -491,13 +491,49 @@ fn test_rows(name: &str, model: &Model, rays: &[Ray], n_rounds: usize) -> Result
             Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::other(Bvh2Boxes::builder(volumes)))?;
         test_rows.push(TestRow::new(format!("Bvh2, radix tree, {strategy:?}"), one, two, rays, n_rounds)?);
     }
-    let config = Config::preset(Preset::Balanced);
-    let build = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| TriangleBvh::build_with(positions, triangles, config);
-    let one = build(&model.mesh.positions, &model.mesh.triangles)?;
-    let blas = pieces.iter().map(|piece| build(&piece.positions, &piece.triangles));
-    let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Wide(config))?;
+    let (one, two) = wide_levels(model, &pieces, &instances)?;
     test_rows.push(TestRow::new("WideBvh, balanced".to_owned(), one, two, rays, n_rounds)?);
     Ok((pieces.len(), test_rows))
+}
+
+/// Wide BVHs of one level and of two.
+fn wide_levels(model: &Model, pieces: &[Mesh], instances: &[Instance]) -> Result<(TriangleBvh, Tlas<TriangleBvh>)> {
+    let config = Config::preset(Preset::Balanced);
+    let build = |mesh: &Mesh| TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config);
+    let blas = pieces.iter().map(build).collect::<Result<Vec<_>, _>>()?;
+    Ok((build(&model.mesh)?, Tlas::new(blas, instances, TopConfig::Wide(config))?))
+}
+
+/// Camera rays through wide BVHs of one level and of two on a device.
+pub(super) fn levels_on_device(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let Ok(gpu) = Gpu::open(&Choice::Best) else { return Ok(Found::default()) };
+    let title =
+        format!("A camera ray in one level and in two on a device: {}, WideBvh, with transfers", gpu.info().name);
+    let mut table = Table::new(title, &["scene", "meshes", "one level", "two", "rate of two over one"]);
+    let mut rates = vec![];
+    for (name, model) in scenes(effort, &[SPONZA, KITCHEN, models::BUILT_IN], chapter)? {
+        let rays = models::camera(&model, if gpu.info().kind == AdapterKind::Software { 16 } else { 256 });
+        let pieces = meshes(name, &model)?;
+        let instances: Vec<Instance> = (0u32..).zip(&pieces).map(|(i, _)| Instance::new(i, Affine::IDENTITY)).collect();
+        let (one, two) = wide_levels(&model, &pieces, &instances)?;
+        let [one, two] = [
+            TracedScene::new(&gpu, SceneInput::upload([&one]))?,
+            TracedScene::new(&gpu, SceneInput::upload(two.blas()).instances(&instances))?,
+        ];
+        let on = |scene: &TracedScene| scene.closest_hits(&gpu, &rays).map(drop);
+        let contenders = [&one, &two].map(|scene| timing::Contender::new("", move || on(scene)));
+        let timings = timing::try_run(effort.pick(1, 3, 7), Vec::from(contenders))?;
+        let rate = number(1.0 / timing::ratio(&timings[1].seconds, &timings[0].seconds));
+        rates.push(format!("{name} {rate}"));
+        let mut row = [name.to_owned(), pieces.len().to_string()].map(Cell::text).to_vec();
+        let ns = |t: &timing::Timing| Samples::from(t.seconds.clone()).scaled(1e9 / rays.len() as f64);
+        row.extend(timings.iter().map(|timing| Cell::measured(ns(timing), "ns")));
+        row.push(Cell::text(rate));
+        table.rows.push(row);
+    }
+    table.says = format!("Rays a second on a device in two levels relative to one: {}.", rates.join(", "));
+    chapter.tables.push(table);
+    Ok(Found::default())
 }
 
 /// Tests of each ray in one level and in two.

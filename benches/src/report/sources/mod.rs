@@ -2,6 +2,7 @@
 //!
 //! Their machines differ from ours: only shares, ratios and orders are comparable.
 
+mod camera;
 mod dissertation;
 mod elastic;
 mod frame;
@@ -28,6 +29,7 @@ const SOURCES: [(&str, &[Part]); 4] = [
             dissertation::volumes,
             dissertation::two_levels_table,
             dissertation::tests_per_ray,
+            dissertation::levels_on_device,
             dissertation::on_cpu,
             dissertation::on_device,
             meshes::passes_by_size,
@@ -38,7 +40,10 @@ const SOURCES: [(&str, &[Part]); 4] = [
     ),
     ("the BIH thesis", &[structures::rebuilt, structures::from_boxes, elastic::by_stage]),
     ("Novak's thesis", &[structures::builders, splits::add, splits::one_table, frame::by_stage]),
-    ("Silva's study", &[silva::paths, silva::hierarchy, silva::empty_space, silva::threads]),
+    (
+        "Silva's study",
+        &[silva::paths, silva::hierarchy, silva::empty_space, silva::threads, camera::packets, camera::moving],
+    ),
 ];
 
 /// Measures the chapter.
