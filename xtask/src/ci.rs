@@ -230,7 +230,8 @@ fn short_render() -> Result<End> {
     if picture.exists() {
         fs::remove_file(&picture).with_context(|| format!("cannot remove {}", picture.display()))?;
     }
-    let mut command = cargo(&["run", "--release", "--package", "canted-cli", "--", "render", "--spp", "1"]);
+    // The program of the tests: the release profile would compile everything once more, for minutes.
+    let mut command = cargo(&["run", "--package", "canted-cli", "--", "render", "--spp", "1"]);
     command.args(["--size", &format!("{}x{}", SIZE[0], SIZE[1]), "--output"]).arg(&picture);
     if !succeeds(&mut command)? {
         return Ok(End::of(false));

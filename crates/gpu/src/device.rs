@@ -12,8 +12,7 @@ use canted_shaders::MAX_STORAGE_BUFFERS;
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, SubmissionIndex, Trace};
 
 use crate::adapter::{AdapterInfo, Choice, choose, facts_of};
-use crate::memory::{Counters, FrameBuffers, Memory};
-use crate::staging::Staging;
+use crate::memory::{Counters, FrameBuffers, Memory, Staging};
 #[cfg(not(target_family = "wasm"))]
 use crate::timeout::AdaptiveTimeout;
 use crate::wait::block_on;

@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 use std::ops::Sub;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use wgpu::{BufferDescriptor, BufferUsages};
 
 /// Bytes in use, and their limit.
 #[derive(Clone)]
@@ -102,6 +104,41 @@ impl Counters {
 
     pub(crate) fn add_download(&self, bytes: u64) {
         self.downloaded.fetch_add(bytes, Ordering::Relaxed);
+    }
+}
+
+/// Least bytes of a staging buffer, so that small results share them.
+const LEAST: u64 = 1 << 12;
+
+/// Staging buffers that are kept: two for each of a few threads that read at once.
+const KEPT: usize = 8;
+
+/// Staging buffers that no read uses. They are kept, because a new one costs more than the copy into it.
+#[derive(Default)]
+pub(crate) struct Staging(Mutex<Vec<wgpu::Buffer>>);
+
+impl Staging {
+    /// A buffer of at least `size` bytes: the smallest that is free, or a new one.
+    pub(crate) fn take(&self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
+        let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = free.iter().enumerate().filter(|(_, buffer)| buffer.size() >= size);
+        if let Some((i, _)) = fits.min_by_key(|(_, buffer)| buffer.size()) {
+            return free.swap_remove(i);
+        }
+        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let size = size.next_power_of_two().max(LEAST);
+        device.create_buffer(&BufferDescriptor { label: Some("read-back"), size, usage, mapped_at_creation: false })
+    }
+
+    /// Keeps a buffer for later reads, in place of the smallest where there are many.
+    pub(crate) fn give(&self, buffer: wgpu::Buffer) {
+        let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        free.push(buffer);
+        if free.len() > KEPT
+            && let Some(i) = (0..free.len()).min_by_key(|&i| free[i].size())
+        {
+            free.swap_remove(i);
+        }
     }
 }
 

@@ -1,52 +1,16 @@
-//! Buffers through which results come back from the device. They are kept, because a new one costs more than the copy; a long result comes in
-//! pieces, of which one is copied out while the device fills the next.
+//! Results come back from the device through staging buffers. A long one comes in pieces, of which one is copied out while the device fills
+//! the next.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Pod;
-use wgpu::{BufferAsyncError, BufferDescriptor, BufferUsages, MapMode, SubmissionIndex};
+use wgpu::{BufferAsyncError, MapMode, SubmissionIndex};
 
 use crate::wait::{Receiver, slot};
 use crate::{Buffer, Gpu, GpuError};
 
 /// Most bytes of a piece.
 const PIECE: usize = 8 << 20;
-
-/// Least bytes of a staging buffer, so that small results share them.
-const LEAST: u64 = 1 << 12;
-
-/// Staging buffers that are kept: two for each of a few threads that read at once.
-const KEPT: usize = 8;
-
-/// Staging buffers that no read uses.
-#[derive(Default)]
-pub(crate) struct Staging(Mutex<Vec<wgpu::Buffer>>);
-
-impl Staging {
-    /// A buffer of at least `size` bytes: the smallest that is free, or a new one.
-    fn take(&self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
-        let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = free.iter().enumerate().filter(|(_, buffer)| buffer.size() >= size);
-        if let Some((i, _)) = fits.min_by_key(|(_, buffer)| buffer.size()) {
-            return free.swap_remove(i);
-        }
-        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let size = size.next_power_of_two().max(LEAST);
-        device.create_buffer(&BufferDescriptor { label: Some("read-back"), size, usage, mapped_at_creation: false })
-    }
-
-    /// Keeps a buffer for later reads, in place of the smallest where there are many.
-    fn give(&self, buffer: wgpu::Buffer) {
-        let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        free.push(buffer);
-        if free.len() > KEPT
-            && let Some(i) = (0..free.len()).min_by_key(|&i| free[i].size())
-        {
-            free.swap_remove(i);
-        }
-    }
-}
 
 /// Part of a result on its way.
 struct Piece {

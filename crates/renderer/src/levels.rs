@@ -95,8 +95,8 @@ const MOST_COPIES: f64 = 1.5;
 /// Runs of triangles that predictions are made of, about.
 const RUNS: usize = 1 << 12;
 
-/// How many times the predicted cost of two levels one level may have: for rotated meshes, predictions are off by up to so much
-/// (`benches/TRIED.md`).
+/// How many times the predicted cost of two levels one level may have: for rotated meshes, predictions are off by up to so much.
+/// It was set by hand on the scenes of `benches/TRIED.md`.
 const MARGIN: f64 = 1.5;
 
 /// Cost of moving a ray into an instance and starting below it, in binary nodes.

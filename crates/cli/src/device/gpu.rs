@@ -65,6 +65,11 @@ impl Machine {
         }
     }
 
+    /// Whether results come back over a bus, which takes time.
+    pub(crate) fn has_bus(&self) -> bool {
+        self.gpu().is_some_and(|gpu| gpu.info().kind != AdapterKind::Software)
+    }
+
     /// What computes, where devices round differently.
     pub(crate) fn name(&self) -> String {
         let adapter = self.gpu().map(|gpu| gpu.info().name.clone()).unwrap_or_default();

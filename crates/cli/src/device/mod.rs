@@ -103,6 +103,12 @@ impl Machine {
         }
     }
 
+    /// Whether results come back over a bus.
+    #[expect(clippy::unused_self, reason = "machines with a GPU have another answer")]
+    pub(crate) fn has_bus(&self) -> bool {
+        false
+    }
+
     /// What computes.
     pub(crate) fn name(&self) -> String {
         "cpu".to_owned()

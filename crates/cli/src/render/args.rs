@@ -8,7 +8,10 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Format};
 use canted_renderer::{BoxLevel, Measure, SampleSums, Settings, UpdatePolicy};
-use clap::ArgGroup;
+use clap::{
+    ArgGroup,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -16,7 +19,7 @@ use super::{
     output::{Denoising, FEW_SAMPLES, GUIDES, OutputFile},
 };
 use crate::{
-    device::{DeviceArg, RunArgs},
+    device::{DeviceArg, Machine, RunArgs},
     load,
     options::{Finite, Form as _, Given, Positive, Value, Whole, named, one_of},
     output::{self, Named as NamedFile},
@@ -57,10 +60,22 @@ pub(crate) struct RenderArgs {
     sequence: FrameArgs,
     #[command(flatten)]
     samples: SampleArgs,
-    /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads sums of up to 64 samples of a pixel. Use `device`
-    /// where the download takes long: many samples per pixel on a fast GPU. Pictures differ by roundings only.
-    #[arg(long, help_heading = RENDERING, display_order = 79, default_value = "host", value_parser = named::<SampleSums>(), value_name = "host|device")]
-    sums: SampleSums,
+    /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads sums of up to 64 samples of a pixel, `auto` is
+    /// `device` on a hardware GPU from eight samples on, else `host`. Pictures differ by roundings only.
+    #[arg(long, help_heading = RENDERING, display_order = 79, default_value = "auto", value_parser = sums(), value_name = "auto|host|device")]
+    sums: Sums,
+}
+
+/// Samples from which sums of a device are fewer bytes than samples.
+const WORTH_SUMMING: u32 = 8;
+
+/// Where samples are summed; none for the better of both.
+#[derive(Clone, Copy, Debug)]
+struct Sums(Option<SampleSums>);
+
+fn sums() -> impl TypedValueParser<Value = Sums> {
+    let names = ["auto"].into_iter().chain(SampleSums::ALL.map(SampleSums::name));
+    PossibleValuesParser::new(names).map(|name| Sums(SampleSums::ALL.into_iter().find(|sums| sums.name() == name)))
 }
 
 const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share the tiles), both:NAME, or part of an adapter \
@@ -163,6 +178,8 @@ pub(super) struct Job {
     pub(super) sequence: FrameArgs,
     pub(super) run: RunArgs,
     pub(super) boxes: Option<BoxLevel>,
+    /// Whether samples are summed where it is faster.
+    pub(super) chooses_sums: bool,
     /// Rendering in passes, if it is requested.
     pub(super) passes: Option<Passes>,
     /// A file of finished tiles, and the time between its updates.
@@ -204,7 +221,7 @@ impl Args {
             shows_data: !samples.aovs.is_empty() || diagram.measure().is_some() || diagram.boxes().is_some(),
         };
         let ignored = heatmap.map(|_| {
-            let sums = (sums != SampleSums::Host).then_some("sums");
+            let sums = (sums.0 == Some(SampleSums::Device)).then_some("sums");
             settings::ignored_by_heatmap(&self, sums)
         });
         let given = self.structure.0.clone();
@@ -236,7 +253,7 @@ impl Args {
                 return Err(anyhow!("-o - and --json both write to standard output; write the picture to a file"));
             }
         }
-        plan.settings.sums = sums;
+        plan.settings.sums = sums.0.unwrap_or_default();
         plan.settings.means_only = passes.is_none();
         let every = Duration::from_secs(samples.checkpoint_every.into());
         let job = Job {
@@ -256,6 +273,7 @@ impl Args {
             sequence,
             run,
             boxes: diagram.boxes(),
+            chooses_sums: sums.0.is_none(),
             passes,
             checkpoint: samples.checkpoint.clone().map(|path| (path, every)),
         };
@@ -281,6 +299,17 @@ impl Job {
     /// The checkpoint.
     pub(super) fn checkpoint_file(&self) -> Option<NamedFile<'_>> {
         self.checkpoint.as_ref().map(|(path, _)| ("--checkpoint", path.as_path()))
+    }
+
+    /// The job with samples summed where that is faster, unless the options say where.
+    pub(super) fn on(&self, machine: &Machine) -> Self {
+        let mut job = self.clone();
+        // Parts of a picture merge where all are summed alike, whatever renders them.
+        let settings = &mut job.plan.settings;
+        if self.chooses_sums && machine.has_bus() && settings.samples >= WORTH_SUMMING && settings.part.is_none() {
+            settings.sums = SampleSums::Device;
+        }
+        job
     }
 
     /// Rejects options of times that contradict each other.

@@ -90,6 +90,7 @@ fn one(mut job: Job) -> Result<()> {
     let load_time = start.elapsed();
     print::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(&job)?;
+    job = job.on(&machine);
     let rendered = render(&mut scene, &mut job, &machine, source)?;
     if let Some(warning) = rendered.darkness(&job.output) {
         print::warn(&warning);
@@ -205,7 +206,7 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         let renderer: &dyn FilmRenderer = match &on_gpu {
             Some(on_gpu) => on_gpu,
             None => {
-                check_for_cpu(&job.plan)?;
+                check_for_cpu(job)?;
                 &cpu
             }
         };
@@ -227,10 +228,12 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
 }
 
 /// Rejects what only GPUs do.
-fn check_for_cpu(plan: &Plan) -> Result<()> {
+fn check_for_cpu(job: &Job) -> Result<()> {
+    let plan = &job.plan;
+    let sums_on_device = plan.settings.sums == SampleSums::Device && !job.chooses_sums;
     let needs_gpu = [
         ("--first-hit raster", plan.first_hit == FirstHit::Raster, "--first-hit auto"),
-        ("--sums device", plan.settings.sums == SampleSums::Device, "--sums host"),
+        ("--sums device", sums_on_device, "--sums host"),
     ];
     match needs_gpu.into_iter().find(|&(_, is_given, _)| is_given) {
         None => Ok(()),

@@ -57,6 +57,7 @@ pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
     let time = job.sequence.time(whole.iter().chain(&todo).copied().min().unwrap_or(first));
     let mut source = Source::open(job, time).map_err(|error| in_frame(first, error))?;
     let machine = &open_machine(job)?;
+    let job = &job.on(machine);
     let mut list = FrameList::read(names.list());
     let shared = resume::shared(job, source.unposed(), machine.name());
     let sequence = Sequence { job, machine, names: &names, todo: &todo, shared: &shared, load_time: start.elapsed() };

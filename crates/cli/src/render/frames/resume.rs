@@ -70,7 +70,7 @@ pub(super) fn check(path: &Path, list: &FrameList, ours: &Record) -> Result<()> 
 /// What all frames share.
 pub(super) fn shared(job: &Job, scene: &mut Scene, device: String) -> Record {
     // Without `..`, so that a new option cannot be forgotten.
-    let Job { plan, output, sequence: _, run: _, boxes, passes: _, checkpoint: _ } = job;
+    let Job { plan, output, sequence: _, run: _, boxes, passes: _, checkpoint: _, chooses_sums: _ } = job;
     let Plan {
         source: _, camera, light, structure, look, heatmap, settings, integrator, first_hit: _, options, ..
     } = plan;
