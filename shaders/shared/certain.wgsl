@@ -66,12 +66,12 @@ const ENTRIES: u32 = max(STACK_SIZE, 33u);
 /// Beyond all `t`.
 const NEVER: f32 = 3.4028235e38;
 
-/// Interval of the `t` of the best hit, in the caller's units; the end of the ray before there is one.
+/// Interval of the `t` of the best hit, in `comparable` units; the end of the ray before there is one.
 var<private> best_first: f32;
 var<private> best_last: f32;
 
-/// `best_last` in the units of the current space.
-var<private> limit: f32;
+/// `best_last` in the units of the current instance.
+var<private> limit_in_instance: f32;
 
 /// The best hit: number of its triangle, `NONE` for no hit, its instance, and the first word of the triangle and the stride of its rows.
 var<private> best_number: u32;
@@ -84,8 +84,8 @@ var<private> doubt: f32;
 /// Finds the closest hit, or any hit: `best_number`, `best_instance` and `best_words`. Returns whether the answer is certain.
 fn is_certain_hit(ray: Ray, any: bool) -> bool {
     var word = enter_top(ray);
-    limit = scaled_t(ray.t_max);
-    best_last = ray.t_max;
+    limit_in_instance = scaled_t(ray.t_max);
+    best_last = comparable(limit_in_instance);
     best_first = best_last;
     best_number = NONE;
     best_instance = NONE;
@@ -123,7 +123,7 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
             is_in_instance = true;
             n_top_level = n_entries;
             word = enter_instance_leaf(ray, word);
-            limit = scaled_t(best_last);
+            limit_in_instance = scaled_t(best_last);
             octant = octant_of_space();
             if word != EMPTY {
                 continue;
@@ -134,7 +134,7 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
                 is_in_instance = false;
                 n_top_level = 0u;
                 enter_top(ray);
-                limit = scaled_t(best_last);
+                limit_in_instance = scaled_t(best_last);
                 octant = octant_of_space();
             }
             if n_entries == 0u {
@@ -151,6 +151,22 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
     return is_done && doubt > best_last || any && best_number != NONE;
 }
 
+/// A scaled `t` in units in which those of all instances are compared: the caller's, or the scaled ones in one level.
+fn comparable(t: f32) -> f32 {
+    if HAS_INSTANCES {
+        return caller_t(t);
+    }
+    return t;
+}
+
+/// `best_last` in the units of the current space.
+fn limit() -> f32 {
+    if HAS_INSTANCES {
+        return limit_in_instance;
+    }
+    return best_last;
+}
+
 /// A bit for each component of the direction that is negative in the frame of the BVH.
 fn octant_of_space() -> u32 {
     let backward = select(vec3<u32>(0u), vec3<u32>(1u, 2u, 4u), space.recip < vec3<f32>(0.0));
@@ -163,7 +179,7 @@ fn entered(word: u32, octant: u32) -> u32 {
     // One in which the loop ends.
     iterations += 3u;
     for (var half = 0u; half < 2u; half += 1u) {
-        let spans = spans_of(word, half, limit);
+        let spans = spans_of(word, half, limit());
         let ranks = vec4<u32>(0u, 1u, 2u, 3u) ^ vec4<u32>(octant ^ (half << 2u));
         all |= select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
     }
@@ -215,7 +231,7 @@ fn decide(at: u32, stride: u32) {
     let rounding = DISTANCE_ROUNDING * m + drift + TINY;
     let first = min(ts.x, min(ts.y, ts.z)) - rounding;
     let last = max(ts.x, max(ts.y, ts.z)) + rounding;
-    if first > limit || last < space.t_min {
+    if first > limit() || last < space.t_min {
         return;
     }
     let inverse = guarded_quotient(1.0, (edges.x + edges.y) + edges.z);
@@ -223,7 +239,7 @@ fn decide(at: u32, stride: u32) {
     let off = max(abs(weights.x * p.x + (weights.y * q.x + weights.z * r.x)), abs(weights.x * p.y + (weights.y * q.y + weights.z * r.y)));
     let is_in = min(low.x, min(low.y, low.z)) > 0.0 || max(high.x, max(high.y, high.z)) < 0.0;
     if !is_in {
-        doubt = min(doubt, caller_t(first));
+        doubt = min(doubt, comparable(first));
         return;
     }
     let t = weights.x * ts.x + (weights.y * ts.y + weights.z * ts.z);
@@ -240,8 +256,8 @@ fn decide(at: u32, stride: u32) {
 fn keep(t: f32, error: f32, at: u32, stride: u32) {
     let is_before_start = t - error < space.t_min;
     let is_behind = t + error < space.t_min;
-    let first = caller_t(t - error);
-    let last = caller_t(t + error);
+    let first = comparable(t - error);
+    let last = comparable(t + error);
     let number = triangle_words[at + 9u * stride];
     // A triangle may be in two leaves.
     if first > best_last || is_behind || number == best_number && space.instance == best_instance {
@@ -261,7 +277,7 @@ fn keep(t: f32, error: f32, at: u32, stride: u32) {
     best_first = min(best_first, first);
     if last <= best_last {
         best_last = last;
-        limit = t + error;
+        limit_in_instance = t + error;
     }
     best_number = number;
     best_instance = space.instance;
