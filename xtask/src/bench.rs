@@ -2,7 +2,6 @@
 
 use std::{
     env, fs,
-    path::PathBuf,
     process::{Command, Stdio},
     thread,
 };
@@ -193,8 +192,7 @@ impl Long {
             None => drop(command.arg("--")),
             Some(built) => {
                 anyhow::ensure!(command::succeeds(&mut command)?, "cargo {} failed", self.cargo.join(" "));
-                let target = env::var_os("CARGO_TARGET_DIR");
-                let target = target.map_or_else(|| command::root().join("target"), PathBuf::from);
+                let target = command::target();
                 command = Command::new(target.join("release").join(format!("{built}{}", env::consts::EXE_SUFFIX)));
             }
         }

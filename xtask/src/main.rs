@@ -10,6 +10,7 @@ mod circles;
 mod command;
 mod kernels;
 mod looping;
+mod pack;
 mod publish;
 mod python;
 mod results;
@@ -38,12 +39,13 @@ const USAGE: &str = "usage: cargo xtask TASK
 What measures prints its result; with --keep it records it in benches/results. --peers adds Embree and tinybvh:
 
   bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, bodies, curves [default: all]; --rounds N, --scenes A,B, --engines A,B,
-                    --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
+                    --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU; --chapters A,B some of it
   bench kinds --fresh [SEED]   kinds whose forms a seed draws, a new one unless it is given; --models FOLDER measures files
   bench claims      measure what README's table states, and fail if a figure is more than 5 % too high
   report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, unused [default: all]; --quick
   kernels           compile every kernel with Mesa's RADV, without a device, and compare registers and spills with the recorded table;
                     --json FILE writes the list
+  pack-device [DIR] write a folder that measures and tests a GPU on a machine without Rust [default: target/pack-device]
   results           write benches/RESULTS.md from benches/results/record.json
   python [RAYS [ROUNDS]]  measure the Python package and its peers: benches/PYTHON.md
   grazing           trace grazing rays; --rays N [default: 10 million]
@@ -68,6 +70,8 @@ fn main() -> ExitCode {
         ["bench", ref args @ ..] => bench::run(args),
         ["report", ref args @ ..] => bench::report(args),
         ["kernels", ref args @ ..] => kernels::run(args),
+        ["pack-device"] => pack::run("target/pack-device".as_ref()),
+        ["pack-device", dir] => pack::run(dir.as_ref()),
         ["results"] => results::run(),
         ["loop", out, fps, ref frames @ ..] => looping::run(out.as_ref(), fps, frames),
         ["fixtures"] => fixtures(&command::root().join("target/fixtures")),

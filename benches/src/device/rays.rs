@@ -33,9 +33,10 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         "\n### Rays\n\nPreset balanced, with oriented nodes where they pay off, and with axis-aligned nodes only. {0} x {0} camera \
          rays of each of four views, in squares of {1} x {1}; one diffuse ray and one occlusion ray from each of their \
          hits. Million rays per second of device time, median (and fastest) of {2} runs; what f32 leaves undecided is traced again by exact \
-         kernels, which is included. The last columns: share of such rays with oriented nodes, in percent, and the number of rays whose traversal the \
+         kernels, which is included. Exact: such kernels for all rays, oriented nodes. The last columns: share of such rays with oriented nodes, in percent, and the number of rays whose traversal the \
          driver cut short.\n\n\
-         | scene | rays | number | oriented | axis-aligned | ratio | exact | cut |\n| --- | --- | --- | --- | --- | --- | --- | --- |",
+         | scene | rays | number | oriented | axis-aligned | ratio | exact | oriented over exact | undecided | cut |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         bench.scale.resolution, SQUARE, bench.rounds
     );
     for name in SCENES {
@@ -50,17 +51,24 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let traced = [
             TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?,
             TracedScene::new(&bench.gpu, SceneInput::upload([&aligned]))?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?.with_exact_kernels(),
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
-            let [oriented, aligned] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
+            let mut casts = vec![];
+            for traced in &traced {
+                casts.push(cast(bench, traced, kind, &rays)?);
+            }
+            let [oriented, aligned, exact] = &casts[..] else { unreachable!("a cast for each of the three") };
             let _ = writeln!(
                 out,
-                "| {name} | {} | {} | {} | {} | {:.2}x | {:.2} | {} |",
+                "| {name} | {} | {} | {} | {} | {:.2}x | {} | {:.2}x | {:.2} | {} |",
                 kind.name(),
                 rays.len(),
                 oriented.rates(rays.len()),
                 aligned.rates(rays.len()),
                 aligned.median() / oriented.median(),
+                exact.rates(rays.len()),
+                exact.median() / oriented.median(),
                 1e2 * oriented.n_exact as f64 / rays.len().max(1) as f64,
                 oriented.n_cut.max(aligned.n_cut)
             );
@@ -193,8 +201,8 @@ pub(super) fn levels(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
         "\n### Levels\n\nThe BVH that `render` uploads, in one level and in two. Rays and rates as in the table of rays.\n\n\
-         | scene | instances | rays | number | one level | two levels | ratio | exact, one, percent | exact, two |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+         | scene | instances | rays | number | one level | two levels | two over one | two levels, exact | undecided, one, percent | two |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
     for name in LEVEL_SCENES {
         let scene = if name == "built-in" { Some(canted_scene::builtin()) } else { models::scene(name)? };
@@ -211,18 +219,24 @@ pub(super) fn levels(out: &mut String, bench: &Bench) -> Result<()> {
         });
         let [one, two]: [Result<TracedScene>; 2] = traced;
         let (one, two) = (one?, two?);
-        for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
-            let [one, two] = [cast(bench, &one, kind, &rays)?, cast(bench, &two, kind, &rays)?];
+        let mut casts = vec![];
+        for (kind, rays) in Kind::ALL.into_iter().zip(&sets) {
+            casts.push([cast(bench, &one, kind, rays)?, cast(bench, &two, kind, rays)?]);
+        }
+        let exact = two.with_exact_kernels();
+        for ((kind, rays), [one, two]) in Kind::ALL.into_iter().zip(&sets).zip(casts) {
+            let exact = cast(bench, &exact, kind, rays)?;
             let share = |cast: &Cast| 1e2 * cast.n_exact as f64 / rays.len().max(1) as f64;
             let _ = writeln!(
                 out,
-                "| {name} | {} | {} | {} | {} | {} | {:.2} | {:.2} | {:.2} |",
+                "| {name} | {} | {} | {} | {} | {} | {:.2} | {} | {:.2} | {:.2} |",
                 scene.instances.len(),
                 kind.name(),
                 rays.len(),
                 one.rates(rays.len()),
                 two.rates(rays.len()),
                 one.median() / two.median(),
+                exact.rates(rays.len()),
                 share(&one),
                 share(&two)
             );

@@ -34,6 +34,8 @@ pub struct TracedScene {
     /// Maximum depth in nodes.
     pub(super) depth: u32,
     max_iterations: u32,
+    /// Whether exact kernels trace all rays.
+    is_exact: bool,
     /// Rays that exact kernels traced.
     pub(super) n_exact_rays: AtomicU64,
 }
@@ -226,7 +228,7 @@ impl TracedScene {
             // The device may write these.
             false => gpu.buffer("bvhs", headers)?,
         };
-        Ok(Self { nodes, bvhs, level, depth, max_iterations, n_exact_rays: AtomicU64::new(0) })
+        Ok(Self { nodes, bvhs, level, depth, max_iterations, is_exact: false, n_exact_rays: AtomicU64::new(0) })
     }
 
     /// The headers of all BVHs.
@@ -268,7 +270,9 @@ impl TracedScene {
 
     /// `chosen` for a kernel of `shared/certain`; `None` for binary BVHs, which need exact kernels for all rays.
     pub(super) fn specialize_certain(&self, kernel: &str, chosen: Variant) -> Result<Option<Variant>, GpuError> {
-        let Nodes::Wide(_) = &self.nodes else { return Ok(None) };
+        if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
+            return Ok(None);
+        }
         Ok(Some(self.specialize(chosen).of_kernel(kernel)?))
     }
 
@@ -290,6 +294,13 @@ impl TracedScene {
     #[must_use]
     pub fn with_max_iterations(self, max_iterations: u32) -> Self {
         Self { max_iterations, ..self }
+    }
+
+    /// The same scene with exact kernels for all rays of queries, to measure them.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_exact_kernels(self) -> Self {
+        Self { is_exact: true, ..self }
     }
 }
 
