@@ -12,7 +12,7 @@ use canted_gpu::{
 use canted_lbvh::{self as lbvh, Bits, Strategy};
 use canted_renderer::{Levels, SceneBvh, SceneBvhConfig, flatten, traced_scene};
 use canted_trace::{Intersect, Ray, ScaledRay};
-use canted_wide::{Config, Preset, TriangleBvh};
+use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use super::Bench;
 use crate::models::{self, Kind, Model};
@@ -22,6 +22,9 @@ const SCENES: [&str; 3] = ["sponza", "eiffel", "truss"];
 
 /// Rays of a dispatch.
 const SLICE: usize = 1 << 20;
+
+/// Triangles of a small leaf, at most.
+const FEW_TRIANGLES: usize = 3;
 
 /// Side of the squares of pixels whose rays a work-group traces.
 const SQUARE: usize = 8;
@@ -33,11 +36,12 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         "\n### Rays\n\nPreset balanced, with oriented nodes where they pay off, and with axis-aligned nodes only. {0} x {0} camera \
          rays of each of four views, in squares of {1} x {1}; one diffuse ray and one occlusion ray from each of their \
          hits. Million rays per second of device time, median (and fastest) of {2} runs; what f32 leaves undecided is traced again by exact \
-         kernels, which is included. Exact: such kernels for all rays, oriented nodes. The last columns: share of such rays with oriented nodes, in percent, and the number of rays whose traversal the \
-         driver cut short.\n\n\
-         | scene | rays | number | oriented | axis-aligned | ratio | exact | oriented over exact | undecided | cut |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-        bench.scale.resolution, SQUARE, bench.rounds
+         kernels, which is included. Exact: such kernels for all rays, oriented nodes. Small leaves: oriented nodes, \
+         and at most {3} triangles in a leaf, because a device tests one after the other. The last columns: share of such rays with oriented nodes, in \
+         percent, and the number of rays whose traversal the driver cut short.\n\n\
+         | scene | rays | number | oriented | axis-aligned | ratio | exact | oriented over exact | small leaves | undecided | cut |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        bench.scale.resolution, SQUARE, bench.rounds, FEW_TRIANGLES
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
@@ -46,22 +50,24 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         };
         let oriented = Config::preset(Preset::Balanced);
         let aligned = Config { oriented: false, rotate_mesh: false, ..oriented };
-        let [oriented, aligned] = [build(&model, &oriented)?, build(&model, &aligned)?];
+        let small = Config { costs: Costs { max_leaf: FEW_TRIANGLES, ..oriented.costs }, ..oriented };
+        let [oriented, aligned, small] = [build(&model, &oriented)?, build(&model, &aligned)?, build(&model, &small)?];
         let sets = sets(&model, &oriented, bench);
         let traced = [
             TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?,
             TracedScene::new(&bench.gpu, SceneInput::upload([&aligned]))?,
             TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?.with_exact_kernels(),
+            TracedScene::new(&bench.gpu, SceneInput::upload([&small]))?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let mut casts = vec![];
             for traced in &traced {
                 casts.push(cast(bench, traced, kind, &rays)?);
             }
-            let [oriented, aligned, exact] = &casts[..] else { unreachable!("a cast for each of the three") };
+            let [oriented, aligned, exact, small] = &casts[..] else { unreachable!("a cast for each of the four") };
             let _ = writeln!(
                 out,
-                "| {name} | {} | {} | {} | {} | {:.2}x | {} | {:.2}x | {:.2} | {} |",
+                "| {name} | {} | {} | {} | {} | {:.2}x | {} | {:.2}x | {} | {:.2} | {} |",
                 kind.name(),
                 rays.len(),
                 oriented.rates(rays.len()),
@@ -69,6 +75,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
                 aligned.median() / oriented.median(),
                 exact.rates(rays.len()),
                 exact.median() / oriented.median(),
+                small.rates(rays.len()),
                 1e2 * oriented.n_exact as f64 / rays.len().max(1) as f64,
                 oriented.n_cut.max(aligned.n_cut)
             );
