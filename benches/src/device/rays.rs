@@ -88,13 +88,13 @@ fn build(model: &Model, config: &Config) -> Result<TriangleBvh> {
     Ok(TriangleBvh::build_with(&model.mesh.positions, &model.mesh.triangles, *config)?)
 }
 
-/// Rays of each kind: camera rays in squares, then rays from their hits.
+/// Rays of each kind: camera rays in squares, then rays from their hits in the same order.
 fn sets(model: &Model, tree: &TriangleBvh, bench: &Bench) -> [Vec<Ray>; 3] {
-    let camera = models::camera(model, bench.scale.resolution);
+    let camera = in_squares(&models::camera(model, bench.scale.resolution), bench.scale.resolution as usize);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
     let [diffuse, occlusion] = models::secondary(model, &camera, &hits);
-    [in_squares(&camera, bench.scale.resolution as usize), diffuse, occlusion]
+    [camera, diffuse, occlusion]
 }
 
 /// Rays of square pictures in scanline order, square by square.
