@@ -1,25 +1,28 @@
-// The rays that the exact kernels trace.
+// The rays that exact kernels trace.
 
-/// Work-groups of 64 for the listed rays: the arguments of an indirect dispatch.
-struct Groups {
+/// Binding of the list.
+struct Undecided {
+    /// Work-groups of 64 for the listed ones: the arguments of an indirect dispatch.
     x: atomic<u32>,
     y: u32,
     z: u32,
+    /// Number of the listed ones.
+    n: atomic<u32>,
+    /// Their indices.
+    listed: array<u32>,
 }
 
-/// The number of listed rays, then their indices.
-@group(1) @binding(2) var<storage, read_write> undecided: array<atomic<u32>>;
-@group(1) @binding(3) var<storage, read_write> listed_groups: Groups;
+@group(1) @binding(14) var<storage, read_write> undecided: Undecided;
 
 /// Adds a ray.
 fn list(index: u32) {
-    let entry = atomicAdd(&undecided[0], 1u);
-    atomicStore(&undecided[entry + 1u], index);
+    let entry = atomicAdd(&undecided.n, 1u);
+    undecided.listed[entry] = index;
     if (entry & 63u) == 0u {
-        atomicAdd(&listed_groups.x, 1u);
-        // One row is enough for as many rays as a slice has.
-        listed_groups.y = 1u;
-        listed_groups.z = 1u;
+        atomicAdd(&undecided.x, 1u);
+        // One row is enough for as many as a dispatch has.
+        undecided.y = 1u;
+        undecided.z = 1u;
     }
 }
 

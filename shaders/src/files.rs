@@ -83,6 +83,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/light/sun",
     "shared/light/tree",
     "shared/light/triangle",
+    "shared/listed",
     "shared/path",
     "shared/sampler",
     "shared/surface",

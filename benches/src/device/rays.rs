@@ -6,7 +6,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_fixtures::Mesh;
 use canted_gpu::{
-    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, SceneInput, TracedScene,
+    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, SceneInput, TracedScene, Undecided,
     build::{BuildConfig, Topology, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy};
@@ -155,8 +155,7 @@ fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result
         for milliseconds in &mut all.milliseconds {
             let (time, undecided) = slice.cast(gpu, traced, kind)?;
             *milliseconds += time;
-            all.n_exact +=
-                undecided.map_or(Ok(slice.rays.len()), |list| gpu.read_first(&list, 1).map(|n| n[0] as usize))?;
+            all.n_exact += undecided.map_or(Ok(slice.rays.len()), |list| list.count(gpu).map(|n| n as usize))?;
         }
         all.n_cut += slice.n_cut(gpu, kind)?;
     }
@@ -173,9 +172,8 @@ struct Slice {
 }
 
 impl Slice {
-    /// Casts the rays. Returns milliseconds of all dispatches, and a list that starts with how many rays exact kernels traced, or none where
-    /// they traced all.
-    fn cast(&self, gpu: &Gpu, traced: &TracedScene, kind: Kind) -> Result<(f64, Option<Buffer<u32>>), GpuError> {
+    /// Casts the rays. Returns milliseconds of all dispatches, and the list of rays that exact kernels traced, or none where they traced all.
+    fn cast(&self, gpu: &Gpu, traced: &TracedScene, kind: Kind) -> Result<(f64, Option<Undecided>), GpuError> {
         let mut commands = gpu.timed_commands();
         let undecided = match kind {
             Kind::Occlusion => traced.record_occluded(gpu, &mut commands, &self.rays, &self.found)?,

@@ -97,7 +97,7 @@ impl Gpu {
 
     /// Creates a buffer of `len` zeros that kernels write, and that sizes later dispatches.
     pub(crate) fn indirect<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
-        let usage = BufferUsages::STORAGE | BufferUsages::INDIRECT;
+        let usage = BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
     }
 

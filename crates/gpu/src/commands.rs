@@ -160,12 +160,12 @@ impl Commands<'_> {
         })
     }
 
-    /// Adds a dispatch of as many work-groups as entry `number` of `groups` says when it runs.
-    pub(crate) fn dispatch_indirect(
+    /// Adds a dispatch of as many work-groups as entry `number` of `groups`, three words each, says when it runs.
+    pub(crate) fn dispatch_indirect<T>(
         &mut self,
         kernel: &Kernel,
         bound: &[NamedBinding<'_>],
-        groups: &Buffer<[u32; 3]>,
+        groups: &Buffer<T>,
         number: u32,
     ) -> Result<(), GpuError> {
         self.record_pass(kernel, bound, |pass| pass.dispatch_workgroups_indirect(&groups.raw, 12 * u64::from(number)))

@@ -219,6 +219,6 @@ pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, InstancedScene,
-    MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene,
+    MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene, Undecided,
 };
 pub use wgpu::{self, Limits};

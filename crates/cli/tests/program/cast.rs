@@ -99,11 +99,11 @@ fn a_gpu_matches_a_linear_scan() {
             let expected = if answer.is_some() { [0.0; 5] } else { [f64::INFINITY, -1.0, 0.0, 0.0, -1.0] };
             assert_eq!(hit[..], expected, "{options}: {ray:?}");
         }
-        // Two levels are traced by exact arithmetic; in one level f32 decides almost all rays.
+        // `f32` decides almost all rays.
         let facts =
             folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options} --json")).done().json();
         let (n_exact, n_rays) = (facts["gpu_exact_rays"].as_u64().unwrap(), facts["rays"].as_u64().unwrap());
-        assert!(if levels == "one" { 100 * n_exact <= n_rays } else { n_exact == n_rays }, "{options}: {facts}");
+        assert!(100 * n_exact <= n_rays, "{options}: {facts}");
     }
 }
 

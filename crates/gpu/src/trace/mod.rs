@@ -11,6 +11,7 @@
 mod layout;
 
 mod octants;
+mod undecided;
 
 mod instances;
 mod nodes;
@@ -31,3 +32,4 @@ pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
 pub use scene::{SceneInput, TracedScene};
+pub use undecided::Undecided;

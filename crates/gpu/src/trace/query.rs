@@ -11,6 +11,7 @@ use wgpu::{BindGroup, BindGroupLayout};
 
 use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
 use super::scene::TracedScene;
+use super::undecided::Undecided;
 use crate::commands::{AsBinding, bind_groups};
 use crate::wait::{Instant, block_on};
 use crate::{Buffer, Commands, Gpu, GpuError, Kernel};
@@ -97,13 +98,17 @@ impl TracedScene {
         })
     }
 
-    /// The kernels that decide what is certain; `None` where exact ones must trace all rays.
+    /// The kernels that decide what is certain; `None` where exact ones must trace all rays: of binary BVHs, and where the device binds too few
+    /// buffers for a list beside those of the scene.
     fn certain_kernels(
         &self,
         gpu: &Gpu,
         names: &Names,
         chosen: &Variant,
     ) -> Result<Option<Vec<Arc<Kernel>>>, GpuError> {
+        if gpu.limits().max_storage_buffers_per_shader_stage < self.n_query_buffers() {
+            return Ok(None);
+        }
         let of = |name: &&str| {
             let variant = self.specialize_certain(name, chosen.clone())?;
             variant.map(|variant| gpu.kernel(name, &variant)).transpose()
@@ -150,13 +155,13 @@ impl TracedScene {
         commands.run_async().await?;
         let n_exact = match undecided {
             None => u32::try_from(rays.len()).unwrap_or(u32::MAX),
-            Some(undecided) => gpu.read_first_async(&undecided, 1).await?[0],
+            Some(undecided) => undecided.count_async(gpu).await?,
         };
         self.n_exact_rays.fetch_add(n_exact.into(), Ordering::Relaxed);
         gpu.read_async(&answers).await
     }
 
-    /// Adds the dispatches of a query. Returns the number of rays that exact kernels trace, followed by those; `None` where that is all.
+    /// Adds the dispatches of a query. Returns the list of rays that exact kernels trace; `None` where they trace all.
     fn record<T>(
         &self,
         gpu: &Gpu,
@@ -164,7 +169,7 @@ impl TracedScene {
         kernels: &Kernels,
         rays: &Buffer<DeviceRay>,
         (into, answers): (&str, &Buffer<T>),
-    ) -> Result<Option<Buffer<u32>>, GpuError> {
+    ) -> Result<Option<Undecided>, GpuError> {
         if answers.len() < rays.len() {
             let message = format!("{} answers have no room for those of {} rays", answers.len(), rays.len());
             return Err(GpuError::Input { message });
@@ -179,16 +184,15 @@ impl TracedScene {
             }
             Kernels::CertainFirst { certain, listed } => (certain, listed),
         };
-        let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
-        let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
-        bound.push(("undecided", &undecided));
-        let first = [&bound[..], &[("listed_groups", &groups)]].concat();
+        let undecided = Undecided::new(gpu, rays.len())?;
+        bound.extend(undecided.bindings());
         for kernel in certain {
-            commands.dispatch(kernel, &first, kernel.groups(n_rays))?;
+            commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
         }
         if let Some(listed) = listed {
-            commands.dispatch_indirect(listed, &bound, &groups, 0)?;
+            undecided.dispatch(commands, listed, &bound)?;
         }
+        drop(bound);
         Ok(Some(undecided))
     }
 }
@@ -196,8 +200,8 @@ impl TracedScene {
 /// Parts of queries, to test and to measure them.
 #[doc(hidden)]
 impl TracedScene {
-    /// Adds the dispatches of [`Self::closest_hits`], for rays and hits in the units of [`DeviceRay::scaled`]. Returns a buffer that then starts with
-    /// the number of rays that exact arithmetic decides; `None` if it decides all.
+    /// Adds the dispatches of [`Self::closest_hits`], for rays and hits in the units of [`DeviceRay::scaled`]. Returns the list of rays that exact
+    /// arithmetic decides; `None` if it decides all.
     ///
     /// # Errors
     /// As for [`TracedScene::closest_hits`].
@@ -207,7 +211,7 @@ impl TracedScene {
         commands: &mut Commands<'_>,
         rays: &Buffer<DeviceRay>,
         hits: &Buffer<DeviceHit>,
-    ) -> Result<Option<Buffer<u32>>, GpuError> {
+    ) -> Result<Option<Undecided>, GpuError> {
         self.record(gpu, commands, &self.kernels(gpu, &CLOSEST)?, rays, ("hits", hits))
     }
 
@@ -221,7 +225,7 @@ impl TracedScene {
         commands: &mut Commands<'_>,
         rays: &Buffer<DeviceRay>,
         found: &Buffer<u32>,
-    ) -> Result<Option<Buffer<u32>>, GpuError> {
+    ) -> Result<Option<Undecided>, GpuError> {
         self.record(gpu, commands, &self.kernels(gpu, &OCCLUDED)?, rays, ("found", found))
     }
 
@@ -248,8 +252,7 @@ impl TracedScene {
         commands.run()?;
         let mut outcomes: Vec<_> = gpu.read(&hits)?.into_iter().map(Outcome::Complete).collect();
         if let Some(undecided) = undecided {
-            let listed = gpu.read(&undecided)?;
-            for &ray in &listed[1..=listed[0] as usize] {
+            for ray in undecided.listed(gpu, undecided.count(gpu)?)? {
                 outcomes[ray as usize] = Outcome::Incomplete;
             }
         }

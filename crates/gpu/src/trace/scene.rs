@@ -276,8 +276,14 @@ impl TracedScene {
         Ok(Some(self.specialize(chosen).of_kernel(kernel)?))
     }
 
+    /// Storage buffers of the kernels of a query: those of the scene, rays, answers, and the list of undecided rays.
+    pub(super) fn n_query_buffers(&self) -> u32 {
+        const NODES_TRIANGLES_HEADERS: u32 = 3;
+        NODES_TRIANGLES_HEADERS + self.level.bindings().len() as u32 + 3
+    }
+
     /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave
-    /// undecided, or all of them where the BVHs are binary.
+    /// undecided, or all of them where the BVHs are binary, or where the device binds too few buffers for instances that move.
     #[must_use]
     pub fn n_exact_rays(&self) -> u64 {
         self.n_exact_rays.load(Ordering::Relaxed)
