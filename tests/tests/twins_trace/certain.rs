@@ -3,7 +3,7 @@
 
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Hair, Mesh, displaced_icosphere, grid, hair, object_views, scaffold, soup, truss};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, Outcome, SceneInput, TracedScene};
+use canted_gpu::{Choice, DeviceHit, DeviceRay, Gpu, Limits, Outcome, SceneInput, TracedScene};
 use canted_tests::closed::placements;
 use canted_tests::rays;
 use canted_tests::scenes::{baked, transforms};
@@ -21,6 +21,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(certain_hits_of_instances_are_the_cpus),
         needs_device(instances_leave_few_rays_undecided),
         needs_device(kernels_without_checks_answer_as_those_with_them),
+        needs_device(devices_with_eight_buffers_answer_alike),
         needs_device(few_rays_are_undecided),
     ]
 }
@@ -180,20 +181,43 @@ fn few_rays_are_undecided() {
     }
 }
 
+/// The same instances while they move a little.
+fn moved(instances: &[Instance]) -> Vec<Instance> {
+    let one = |instance: &Instance| {
+        let mut close = instance.world_from_object;
+        close.columns[3][0] += 0.125;
+        Instance { world_from_object_close: Some(close), ..*instance }
+    };
+    instances.iter().map(one).collect()
+}
+
+/// Eight storage buffers are the default of WebGPU. Where the list of undecided rays would be the ninth, exact kernels trace all rays.
+fn devices_with_eight_buffers_answer_alike() {
+    let wide = gpu();
+    let lower = |limits: Limits| Limits { max_storage_buffers_per_shader_stage: 8, ..limits };
+    let narrow = Gpu::with_limits(&Choice::Best, lower).unwrap();
+    let (meshes, still) = placed_twice();
+    let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &Config::default())).collect();
+    let all_rays = rays::from_inside(&meshes[0], 300, 6);
+    for (instances, all_are_exact) in [(&still, false), (&moved(&still), true)] {
+        let answers = [&wide, &narrow].map(|gpu| {
+            let scene = TracedScene::new(gpu, SceneInput::upload(&bottom).instances(instances)).unwrap();
+            let answers = (scene.closest_hits(gpu, &all_rays).unwrap(), scene.occluded(gpu, &all_rays).unwrap());
+            (answers, scene.n_exact_rays())
+        });
+        assert!(answers[0].0 == answers[1].0);
+        assert!(answers[0].1 < all_rays.len() as u64);
+        assert_eq!(answers[1].1 == 2 * all_rays.len() as u64, all_are_exact);
+    }
+}
+
 /// Kernels without the checks of `wgpu` answer as those with them, bit for bit, at every level.
 fn kernels_without_checks_answer_as_those_with_them() {
     let [unchecked, checked] = [gpu(), gpu()];
     checked.check_all_kernels();
     let mesh = scaffold(1, true);
     let (meshes, instances) = placed_twice();
-    let moving: Vec<Instance> = instances
-        .iter()
-        .map(|instance| {
-            let mut close = instance.world_from_object;
-            close.columns[3][0] += 0.125;
-            Instance { world_from_object_close: Some(close), ..*instance }
-        })
-        .collect();
+    let moving = moved(&instances);
     let all_rays = [rays::of_all_classes(&mesh, 20, 5), rays::from_inside(&mesh, 300, 6)].concat();
     for config in [of_one_kind(NodeKind::Aligned), of_one_kind(NodeKind::Oriented)] {
         let flat = build(&mesh, &config);
