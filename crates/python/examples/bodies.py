@@ -1,9 +1,9 @@
 """Meshes against meshes and signed distances, beside python-fcl, coal and Open3D, on the same meshes and poses.
 
-    python bodies.py [ROUNDS] [THREADS]
+    python bodies.py [ROUNDS [THREADS [SIDE]]]
 
 Prints Markdown. Each round runs all engines in turn; times are medians of processor time of the process. Engines that are not installed have no column.
-Default: 5 rounds, and 2 threads for signed distances; all else is one thread. docs/bodies.md has the numbers of one run.
+Default: 5 rounds, and signed distances of a grid of 96 points a side on 2 threads; all else is one thread. docs/bodies.md has the numbers of one run.
 """
 
 import sys
@@ -137,7 +137,7 @@ def by_coal(mesh):
     return {"pairs": pairs, "overlaps": lambda pose: collide(pose, 1).isCollision(), "distance": distance}
 
 
-def grid(vertices, n=96):
+def grid(vertices, n):
     """n^3 points of the bounds, larger by a tenth."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     by = 0.1 * (high - low)
@@ -145,9 +145,9 @@ def grid(vertices, n=96):
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def signed(mesh, n_threads):
+def signed(mesh, n_threads, side):
     """Calls for signed distances of a grid."""
-    points, bvh = grid(mesh[0]), canted.Bvh(*mesh)
+    points, bvh = grid(mesh[0], side), canted.Bvh(*mesh)
     calls = {f"canted, {mode}": lambda mode=mode: bvh.signed_distance(points, mode=mode, threads=n_threads) for mode in ("winding", "parity")}
     try:
         import open3d
@@ -175,8 +175,7 @@ def medians(calls, n_rounds):
     return {name: 1e3 * np.median(times, axis=0) for name, times in took.items()}, last
 
 
-def main():
-    n_rounds, n_threads = [int(x) for x in sys.argv[1:] + ["5", "2"][len(sys.argv) - 1 :]]
+def main(n_rounds=1, n_threads=2, side=12):
     models = {"ring": (ring(72), 0.8), "cable": (cable(640), 0.6)}
     engines = {"canted": ours}
     for name, make in (("python-fcl", by_fcl), ("coal", by_coal)):
@@ -195,10 +194,10 @@ def main():
             times, answers = medians(calls, n_rounds)
             cells = [f"{times[name][1] / len(placed):.2f} ({answers[name]:.6g})" for name in engines]
             print(f"| {query} | {mesh_name}, {len(mesh[1]):,} triangles | " + " | ".join(cells) + " |", flush=True)
-    print(f"\nSigned distances of 96^3 points, {n_threads} threads: milliseconds of wall time / processor time; in brackets how many are inside.\n")
+    print(f"\nSigned distances of {side}^3 points, {n_threads} threads: milliseconds of wall time / processor time; in brackets how many are inside.\n")
     n_columns = 3
     for row, (mesh_name, (mesh, _)) in enumerate(models.items()):
-        times, answers = medians(signed(mesh, n_threads), n_rounds)
+        times, answers = medians(signed(mesh, n_threads, side), n_rounds)
         if row == 0:
             n_columns = len(times)
             print("| mesh | " + " | ".join(times) + " |\n| --- |" + " --- |" * n_columns)
@@ -207,4 +206,5 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    given = [int(number) for number in sys.argv[1:]]
+    main(*given, *[5, 2, 96][len(given) :])
