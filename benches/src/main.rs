@@ -18,6 +18,7 @@ mod options;
 mod picture;
 mod records;
 mod report;
+mod tiles;
 mod timing;
 mod wide;
 
@@ -67,6 +68,9 @@ fn main() -> Result<()> {
     }
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;
+    }
+    if options.wants(options::TILES) {
+        tiles::section(&mut out, &options)?;
     }
     if options.wants(options::CLAIMS) {
         claims::section(&mut out)?;

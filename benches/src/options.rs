@@ -14,8 +14,14 @@ pub(crate) const TRIAL: &str = "tinybvh-trial";
 /// The section that compares README with a measurement; measured only if it is named.
 pub(crate) const CLAIMS: &str = "claims";
 
+/// The section that measures stores of tiles, which takes gigabytes of disk; measured only if it is named.
+pub(crate) const TILES: &str = "tiles";
+
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 8] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", "curves", CLAIMS];
+const SECTIONS: [&str; 9] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", "curves", TILES, CLAIMS];
+
+/// Those that are measured only if they are named.
+const NAMED: [&str; 2] = [TILES, CLAIMS];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,6 +44,8 @@ pub(crate) struct Options {
     pub(crate) is_fresh: bool,
     /// A folder whose files are measured as kinds are.
     pub(crate) models: Option<PathBuf>,
+    /// Triangles of the store of tiles.
+    pub(crate) triangles: usize,
 }
 
 impl Options {
@@ -54,6 +62,7 @@ impl Options {
             seed: 1,
             is_fresh: false,
             models: None,
+            triangles: 10_000_000,
         };
         let mut args = args.peekable();
         while let Some(arg) = args.next() {
@@ -75,6 +84,11 @@ impl Options {
                         None => drawn_seed(),
                     };
                 }
+                "--triangles" => {
+                    let value = value()?;
+                    let n = value.parse::<f64>().ok().filter(|n| (1.0..=1e10).contains(n));
+                    options.triangles = n.ok_or_else(|| anyhow!("--triangles '{value}' is not a number of triangles"))? as usize;
+                }
                 "--models" => options.models = Some(value()?.into()),
                 "--scenes" => options.scenes = list(&value()?),
                 "--engines" => options.engines = list(&value()?),
@@ -89,7 +103,7 @@ impl Options {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
                         "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, \
-                         --chapters A,B, --quick, --seed N, --fresh [SEED], --models FOLDER"
+                         --chapters A,B, --quick, --seed N, --fresh [SEED], --models FOLDER, --triangles N"
                     ));
                 }
             }
@@ -99,7 +113,7 @@ impl Options {
 
     /// Whether a section is measured: all are if neither a section nor a device is named.
     pub(crate) fn wants(&self, section: &str) -> bool {
-        (self.sections.is_empty() && self.device.is_none() && section != CLAIMS)
+        (self.sections.is_empty() && self.device.is_none() && !NAMED.contains(&section))
             || self.sections.iter().any(|wanted| wanted == section)
     }
 
@@ -178,7 +192,7 @@ mod tests {
     fn everything_is_measured_by_default() {
         let options = read("").unwrap();
         assert!(
-            SECTIONS.iter().all(|&section| options.wants(section) != (section == CLAIMS))
+            SECTIONS.iter().all(|&section| options.wants(section) != NAMED.contains(&section))
                 && options.wants_engine("obvhs")
         );
         assert_eq!(options.scenes(&["grid"]), ["grid"]);
@@ -203,6 +217,7 @@ mod tests {
             ("--scenes", "--scenes"),
             ("--device", "--device"),
             ("kinds --seed -1", "-1"),
+            ("tiles --triangles many", "many"),
         ] {
             assert!(read(args).unwrap_err().to_string().contains(word));
         }

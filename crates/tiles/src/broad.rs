@@ -6,6 +6,7 @@ use canted_trace::{Hit, InstanceId, Intersect, Query, Ray, ScaledRay, Side, Tria
 use canted_wide::WideBvh;
 
 use crate::manifest::Manifest;
+use crate::schedule::Memory;
 
 /// The bounds of a tile, which answer as its BVH would if it were hit where a ray enters the padded bounds.
 ///
@@ -77,6 +78,40 @@ impl Intersect for TileBounds {
 /// A tile that a ray may hit: from which `t` on, and its number. In the order of visits.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(crate) struct Entry(pub(crate) f32, pub(crate) u32);
+
+/// How many tiles a ray knows ahead: finding them takes longer than tracing one of them.
+const N_AHEAD: usize = 8;
+
+/// The tiles that a ray needs, one after another.
+#[derive(Clone, Copy)]
+pub(crate) struct Ahead {
+    entries: [Entry; N_AHEAD],
+    /// How many of them there are, and how many were taken.
+    n: u8,
+    n_taken: u8,
+    /// Whether no tile follows them.
+    is_all: bool,
+}
+
+impl Ahead {
+    pub(crate) const NEW: Self = Self { entries: [Entry(0.0, 0); N_AHEAD], n: 0, n_taken: 0, is_all: false };
+
+    /// The next tile of a scaled ray, whose `t_max` may have come down since.
+    pub(crate) fn next(&mut self, broad: &Broad, ray: &Ray, memory: &mut Memory) -> Option<Entry> {
+        if self.n_taken == self.n && !self.is_all {
+            broad.entries(ray, &mut memory.hits, &mut memory.entries);
+            let last = self.entries[..usize::from(self.n)].last();
+            let n_before = last.map_or(0, |last| memory.entries.partition_point(|entry| entry <= last));
+            let after = &memory.entries[n_before..];
+            let n = after.len().min(N_AHEAD);
+            self.entries[..n].copy_from_slice(&after[..n]);
+            (self.n, self.n_taken, self.is_all) = (n as u8, 0, after.len() == n);
+        }
+        let next = *self.entries[..usize::from(self.n)].get(usize::from(self.n_taken))?;
+        self.n_taken += 1;
+        (next.0 <= ray.t_max).then_some(next)
+    }
+}
 
 /// The bounds of all tiles, wherever they are placed.
 pub(crate) struct Broad {

@@ -1,13 +1,15 @@
-//! Tiles in memory: read when they are needed, the least recently used forgotten first.
+//! Tiles in memory: mapped when they are needed, the least recently used forgotten first.
 
-use std::fs;
+use std::fs::{self, File, Metadata};
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
 
 use canted_obb::PrimId;
 use canted_tlas::{Instance, Tlas};
 use canted_trace::{Hit, InstanceId, Intersect};
-use canted_wide::{TriangleBvh, checksum};
+use canted_wide::{KnownFile, MapError, TriangleBvh, checksum};
 
 use crate::error::{Named as _, TileError};
 use crate::manifest::{Manifest, TileEntry, hex};
@@ -73,6 +75,34 @@ pub struct TileCounts {
     pub most_bytes: u64,
 }
 
+/// What tells whether a file was written: its length, when it was written, and, on Unix, when its entry was changed, and which one it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Stamp {
+    n_bytes: u64,
+    written: Option<SystemTime>,
+    entry: [i64; 4],
+}
+
+impl Stamp {
+    fn of(found: &Metadata) -> Self {
+        #[cfg(unix)]
+        let entry = {
+            use std::os::unix::fs::MetadataExt as _;
+            [found.dev() as i64, found.ino() as i64, found.ctime(), found.ctime_nsec()]
+        };
+        #[cfg(not(unix))]
+        let entry = [0; 4];
+        Self { n_bytes: found.len(), written: found.modified().ok(), entry }
+    }
+}
+
+/// A tile that passed all checks: its files as they were then, and what mapping it again needs.
+#[derive(Clone)]
+struct Known {
+    stamps: [Stamp; 2],
+    bvh: Arc<KnownFile>,
+}
+
 /// The order of use, and the memory.
 #[derive(Default)]
 struct Use {
@@ -80,8 +110,8 @@ struct Use {
     /// Of each tile when it was last used, and its bytes; 0 where it is not held.
     last: Vec<u64>,
     bytes: Vec<u64>,
-    /// Whether it passed all checks.
-    is_known: Vec<bool>,
+    /// Those that passed all checks.
+    known: Vec<Option<Known>>,
     counts: TileCounts,
 }
 
@@ -123,7 +153,7 @@ impl Cache {
             mesh_of,
             limit,
             slots: (0..n).map(|_| Mutex::new(None)).collect(),
-            used: Mutex::new(Use { last: vec![0; n], bytes: vec![0; n], is_known: vec![false; n], ..Use::default() }),
+            used: Mutex::new(Use { last: vec![0; n], bytes: vec![0; n], known: vec![None; n], ..Use::default() }),
         }
     }
 
@@ -201,18 +231,23 @@ impl Cache {
         }
     }
 
-    /// Reads and checks a tile.
+    /// Maps a tile. Its content is checked, unless it was before and its files were not written since.
     fn read(&self, index: usize) -> Result<Tile, TileError> {
         let entry = &self.entries[index];
         let path = self.folder.join(&entry.bvh);
-        let bytes = self.check_file(index, true)?;
-        let sum = bytes.last_chunk().map_or(0, |sum| u64::from_le_bytes(*sum));
-        // Boxes are compared once; the checksum is that of the manifest, and of the content, every time.
-        let is_known = locked(&self.used).is_known[index];
-        let bvh = if is_known { TriangleBvh::from_known_bytes(&bytes, sum) } else { TriangleBvh::from_bytes(&bytes) };
-        let bvh = bvh.map_err(|error| TileError::damaged(&path, error))?;
-        drop(bytes);
-        locked(&self.used).is_known[index] = true;
+        let stamps = self.stamps(index)?;
+        let known = locked(&self.used).known[index].clone().filter(|known| known.stamps == stamps);
+        let bvh = match &known {
+            Some(known) => TriangleBvh::map_known(&path, &known.bvh),
+            None => {
+                self.check_bvh_sum(index)?;
+                TriangleBvh::map(&path)
+            }
+        };
+        let bvh = bvh.map_err(|error| match error {
+            MapError::System(error) => TileError::system(&path, "read", &error),
+            error => TileError::damaged(&path, error),
+        })?;
         if bvh.n_primitives() != entry.triangles as usize || bvh.aabb() != entry.aabb() {
             return Err(TileError::damaged(
                 &path,
@@ -220,6 +255,10 @@ impl Cache {
             ));
         }
         let numbers = self.numbers(index as u32)?;
+        if known.is_none() {
+            let bvh = Arc::new(bvh.known_file());
+            locked(&self.used).known[index] = Some(Known { stamps, bvh });
+        }
         let bvh = Arc::new(bvh);
         let placed = match self.placements.get(self.mesh_of[index] as usize) {
             None => None,
@@ -231,6 +270,49 @@ impl Cache {
             }
         };
         Ok(Tile { bvh, numbers, placed })
+    }
+
+    /// Of both files of a tile, whose lengths are those of the manifest.
+    fn stamps(&self, index: usize) -> Result<[Stamp; 2], TileError> {
+        let stamp = |is_bvh: bool| {
+            let (path, n_expected) = self.file(&self.entries[index], is_bvh);
+            let found = match fs::metadata(&path) {
+                Ok(found) => found,
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                    return Err(TileError::damaged(&path, "the file of a tile is missing"));
+                }
+                found => found.named("read", &path)?,
+            };
+            if found.len() != n_expected {
+                return Err(TileError::damaged(&path, format!("{} bytes, expected {n_expected}", found.len())));
+            }
+            Ok(Stamp::of(&found))
+        };
+        Ok([stamp(true)?, stamp(false)?])
+    }
+
+    /// An error if a file of a tile that is held was written since the tile was checked.
+    pub(crate) fn check_unchanged(&self, tile: u32) -> Result<(), TileError> {
+        let index = tile as usize;
+        let stamps = self.stamps(index)?;
+        if locked(&self.used).known[index].as_ref().is_some_and(|known| known.stamps != stamps) {
+            let path = self.folder.join(&self.entries[index].bvh);
+            return Err(TileError::damaged(&path, "a file of the tile was written while the store is open; open it again"));
+        }
+        Ok(())
+    }
+
+    /// Whether the checksum at the end of a BVH is that of the manifest. It is compared with the content where that is read.
+    fn check_bvh_sum(&self, index: usize) -> Result<(), TileError> {
+        let entry = &self.entries[index];
+        let path = self.folder.join(&entry.bvh);
+        let mut sum = [0; 8];
+        let mut file = File::open(&path).named("read", &path)?;
+        file.seek(SeekFrom::End(-8)).and_then(|_| file.read_exact(&mut sum)).named("read", &path)?;
+        if hex(u64::from_le_bytes(sum)) != entry.bvh_sum {
+            return Err(TileError::damaged(&path, "checksum mismatch: the file is damaged or of another store"));
+        }
+        Ok(())
     }
 
     /// The numbers of the triangles of a tile, ascending, from its file.
@@ -279,20 +361,7 @@ impl Cache {
 
     /// Whether all files are there, with their lengths.
     pub(crate) fn check_lengths(&self) -> Result<(), TileError> {
-        for (entry, is_bvh) in self.entries.iter().flat_map(|entry| [(entry, true), (entry, false)]) {
-            let (path, n_expected) = self.file(entry, is_bvh);
-            let found = match fs::metadata(&path) {
-                Ok(found) => found,
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                    return Err(TileError::damaged(&path, "the file of a tile is missing"));
-                }
-                found => found.named("read", &path)?,
-            };
-            if found.len() != n_expected {
-                return Err(TileError::damaged(&path, format!("{} bytes, expected {n_expected}", found.len())));
-            }
-        }
-        Ok(())
+        (0..self.entries.len()).try_for_each(|index| self.stamps(index).map(drop))
     }
 
     /// Bytes of all files.

@@ -4,7 +4,7 @@ use canted_obb::PrimId;
 use canted_trace::Ray;
 use canted_wide::{ClosestPoint, DistanceShape as _, Found, NearestList, NearestPoint, Place};
 
-use crate::broad::Entry;
+use crate::broad::Ahead;
 use crate::bvh::TiledBvh;
 use crate::cache::Tile;
 use crate::error::TileError;
@@ -45,13 +45,13 @@ impl Item for Near {
 struct Above {
     index: u32,
     point: [f32; 3],
-    last: Option<Entry>,
+    ahead: Ahead,
     place: Place,
 }
 
 impl Above {
     fn new(index: usize, point: [f32; 3]) -> Self {
-        Self { index: index as u32, point, last: None, place: Place::Outside }
+        Self { index: index as u32, point, ahead: Ahead::NEW, place: Place::Outside }
     }
 
     /// Adds the place with respect to a tile: an odd number of odd numbers is odd.
@@ -70,10 +70,7 @@ impl Item for Above {
         if self.place == Place::On {
             return None;
         }
-        bvh.broad.entries(&Ray::new(self.point, [0.0, 0.0, 1.0]), &mut memory.hits, &mut memory.entries);
-        let next = memory.entries.iter().find(|entry| self.last.is_none_or(|last| last < **entry))?;
-        self.last = Some(*next);
-        Some(next.1)
+        self.ahead.next(&bvh.broad, &Ray::new(self.point, [0.0, 0.0, 1.0]), memory).map(|entry| entry.1)
     }
 }
 
@@ -119,11 +116,11 @@ impl TiledBvh {
                 let is_finite = point.iter().all(|x| x.is_finite());
                 is_finite.then(|| Near { index, point, nearest: NearestList::new(k, limit), last: None })
             };
-            let items = points.iter().enumerate().filter_map(item).collect();
-            let done = self.run(items, &|tile, chunk: &mut [&mut Near]| {
+            let mut items: Vec<_> = points.iter().enumerate().filter_map(item).collect();
+            self.run(&mut items, &|tile, chunk: &mut [&mut Near]| {
                 chunk.iter_mut().for_each(|item| item.visit(tile));
             })?;
-            done.iter().for_each(|item| answer(batch * BATCH + item.index as usize, item.nearest.found()));
+            items.iter().for_each(|item| answer(batch * BATCH + item.index as usize, item.nearest.found()));
         }
         Ok(())
     }
@@ -144,14 +141,14 @@ impl TiledBvh {
     fn each_place(&self, points: &[[f32; 3]], answer: &mut dyn FnMut(usize, Place)) -> Result<(), TileError> {
         self.one_mesh("containment and signed distances")?;
         for (batch, points) in points.chunks(BATCH).enumerate() {
-            let items = points.iter().enumerate().map(|(i, &point)| Above::new(i, point)).collect();
-            let done = self.run(items, &|tile, chunk: &mut [&mut Above]| {
+            let mut items: Vec<_> = points.iter().enumerate().map(|(i, &point)| Above::new(i, point)).collect();
+            self.run(&mut items, &|tile, chunk: &mut [&mut Above]| {
                 let points: Vec<[f32; 3]> = chunk.iter().map(|item| item.point).collect();
                 let mut places = vec![Place::Outside; points.len()];
                 tile.bvh().places(&points, &mut places);
                 chunk.iter_mut().zip(places).for_each(|(item, place)| item.add(place));
             })?;
-            done.iter().for_each(|item| answer(batch * BATCH + item.index as usize, item.place));
+            items.iter().for_each(|item| answer(batch * BATCH + item.index as usize, item.place));
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use canted_obb::Obb;
 use canted_trace::{Crossings, Hit, HitLists, Intersect, Mapped, Query, Ray, ScaledRay, TriangleTest, with_stack};
 use canted_wide::CrossingParts;
 
-use crate::broad::Entry;
+use crate::broad::{Ahead, Entry};
 use crate::bvh::TiledBvh;
 use crate::cache::Tile;
 use crate::error::TileError;
@@ -18,7 +18,7 @@ struct OnWay {
     index: u32,
     /// With a direction whose greatest component lies in `[1, 2)`, up to the closest hit so far.
     ray: Ray,
-    last: Option<Entry>,
+    ahead: Ahead,
     hit: Option<Hit>,
     is_done: bool,
 }
@@ -27,7 +27,7 @@ impl OnWay {
     /// `None` for a ray that cannot hit.
     fn new(index: usize, ray: &Ray) -> Option<Self> {
         let ray = plain(&ScaledRay::new(ray)?);
-        Some(Self { index: index as u32, ray, last: None, hit: None, is_done: false })
+        Some(Self { index: index as u32, ray, ahead: Ahead::NEW, hit: None, is_done: false })
     }
 
     /// Takes a hit, with its numbers in the whole.
@@ -51,10 +51,7 @@ impl Item for OnWay {
             return None;
         }
         // Up to the closest hit so far, so tiles behind it are not among them.
-        bvh.broad.entries(&self.ray, &mut memory.hits, &mut memory.entries);
-        let next = memory.entries.iter().find(|entry| self.last.is_none_or(|last| last < **entry))?;
-        self.last = Some(*next);
-        (next.0 <= self.ray.t_max).then_some(next.1)
+        self.ahead.next(&bvh.broad, &self.ray, memory).map(|entry| entry.1)
     }
 }
 
@@ -63,7 +60,7 @@ struct Through {
     index: u32,
     ray: Ray,
     scaled: ScaledRay,
-    last: Option<Entry>,
+    ahead: Ahead,
     hits: Vec<Hit>,
     parts: CrossingParts,
 }
@@ -73,16 +70,13 @@ impl Through {
     fn new(index: usize, ray: &Ray) -> Option<Self> {
         let ray = plain(&ScaledRay::new(ray)?);
         let scaled = ScaledRay::new(&ray)?;
-        Some(Self { index: index as u32, ray, scaled, last: None, hits: vec![], parts: CrossingParts::default() })
+        Some(Self { index: index as u32, ray, scaled, ahead: Ahead::NEW, hits: vec![], parts: CrossingParts::default() })
     }
 }
 
 impl Item for Through {
     fn next(&mut self, bvh: &TiledBvh, memory: &mut Memory) -> Option<u32> {
-        bvh.broad.entries(&self.ray, &mut memory.hits, &mut memory.entries);
-        let next = memory.entries.iter().find(|entry| self.last.is_none_or(|last| last < **entry))?;
-        self.last = Some(*next);
-        Some(next.1)
+        self.ahead.next(&bvh.broad, &self.ray, memory).map(|entry| entry.1)
     }
 }
 
@@ -110,8 +104,8 @@ impl TiledBvh {
         assert_eq!(rays.len(), hits.len(), "one answer for each ray");
         hits.fill(None);
         for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
-            let items = rays.iter().enumerate().filter_map(|(i, ray)| OnWay::new(i, ray)).collect();
-            let done = self.run(items, &|tile, chunk: &mut [&mut OnWay]| {
+            let mut items: Vec<_> = rays.iter().enumerate().filter_map(|(i, ray)| OnWay::new(i, ray)).collect();
+            self.run(&mut items, &|tile, chunk: &mut [&mut OnWay]| {
                 let rays: Vec<Ray> = chunk.iter().map(|item| item.ray).collect();
                 let mut found = vec![None; rays.len()];
                 tile.target().closest_hits(&rays, &mut found);
@@ -119,7 +113,7 @@ impl TiledBvh {
                     hit.into_iter().for_each(|hit| item.take(tile.in_whole(hit)));
                 }
             })?;
-            for item in done {
+            for item in items {
                 let i = item.index as usize;
                 hits[i] = item.hit;
                 hits[i].iter_mut().for_each(|hit| to_caller(&rays[i], std::slice::from_mut(hit)));
@@ -139,8 +133,8 @@ impl TiledBvh {
         assert_eq!(rays.len(), occluded.len(), "one answer for each ray");
         for (rays, occluded) in rays.chunks(BATCH).zip(occluded.chunks_mut(BATCH)) {
             occluded.fill(false);
-            let items = rays.iter().enumerate().filter_map(|(i, ray)| OnWay::new(i, ray)).collect();
-            let done = self.run(items, &|tile, chunk: &mut [&mut OnWay]| {
+            let mut items: Vec<_> = rays.iter().enumerate().filter_map(|(i, ray)| OnWay::new(i, ray)).collect();
+            self.run(&mut items, &|tile, chunk: &mut [&mut OnWay]| {
                 let rays: Vec<Ray> = chunk.iter().map(|item| item.ray).collect();
                 let mut found = vec![false; rays.len()];
                 tile.target().occluded_many(&rays, &mut found);
@@ -148,7 +142,7 @@ impl TiledBvh {
                     item.is_done = is_hit;
                 }
             })?;
-            for item in done {
+            for item in items {
                 occluded[item.index as usize] = item.is_done;
             }
         }
@@ -198,12 +192,11 @@ impl TiledBvh {
     ) -> Result<(), TileError> {
         lists.clear(rays.len());
         for rays in rays.chunks(BATCH) {
-            let items = rays.iter().enumerate().filter_map(|(i, ray)| Through::new(i, ray)).collect();
-            let mut done = self.run(items, &|tile, chunk: &mut [&mut Through]| {
+            let mut items: Vec<_> = rays.iter().enumerate().filter_map(|(i, ray)| Through::new(i, ray)).collect();
+            self.run(&mut items, &|tile, chunk: &mut [&mut Through]| {
                 chunk.iter_mut().for_each(|item| visit(tile, item));
             })?;
-            done.sort_unstable_by_key(|item| item.index);
-            let mut done = done.into_iter().peekable();
+            let mut done = items.into_iter().peekable();
             for (i, ray) in (0..).zip(rays) {
                 let own = done.next_if(|item| item.index == i);
                 lists.add_ray(|hits| {

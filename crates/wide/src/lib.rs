@@ -118,7 +118,7 @@ pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Costs, Preset};
 pub use distance::{ClosestPoint, DistanceShape, Found, NearestList, NearestPoint, Place, WindingNumbers};
 pub use edit::EditError;
-pub use file::{LoadError, MapError, RawBvh, checksum};
+pub use file::{KnownFile, LoadError, MapError, RawBvh, checksum};
 pub use leaf::{
     LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,
 };

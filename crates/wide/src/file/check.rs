@@ -67,15 +67,6 @@ pub(super) fn check_triangles(nodes: &mut Nodes, blocks: &[HalfBlock], expected:
     check_boxes(&hierarchy, &corners, bounds, expected, nodes)
 }
 
-/// Completes nodes of a file whose records were checked before: only references are checked again.
-pub(super) fn complete_triangles(
-    nodes: &mut Nodes,
-    blocks: &[HalfBlock],
-    expected: &Expected,
-) -> Result<(), LoadError> {
-    hierarchy(nodes, blocks.len(), &LeafLayout::BLOCKS, expected).map(drop)
-}
-
 /// The same for primitives of the caller.
 pub(super) fn check_shapes<P: Primitive>(
     nodes: &mut Nodes,

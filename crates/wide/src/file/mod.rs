@@ -24,10 +24,10 @@
 mod check;
 mod error;
 mod header;
+mod map;
 mod raw;
 
 use std::ops::Range;
-use std::path::Path;
 
 use bytemuck::Pod;
 use canted_obb::PrimId;
@@ -35,15 +35,14 @@ use canted_trace::{SaveBlas, TriangleTest};
 
 use crate::bvh::{TriangleBvh, WideBvh};
 use crate::leaf::{Blocks, LeafPrimitive, SavedPrimitive, Shapes};
-#[cfg(any(unix, windows))]
-use crate::node::Map;
 use crate::node::{CacheLine, HalfBlock, Nodes, Records};
 use crate::simd::AvailablePath;
 
-use check::{Expected, check_shapes, check_triangles, complete_triangles};
+use check::{Expected, check_shapes, check_triangles};
 pub use error::{LoadError, MapError};
 pub use header::checksum;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
+pub use map::KnownFile;
 pub use raw::RawBvh;
 
 /// Changes with what the bytes mean.
@@ -79,63 +78,6 @@ impl TriangleBvh {
     /// As [`TriangleBvh::from_bytes`].
     pub fn from_bytes_with(bytes: &[u8], test: TriangleTest) -> Result<Self, LoadError> {
         Self::read(bytes, |_| test)
-    }
-
-    /// As [`TriangleBvh::from_bytes`], of bytes that it accepted before, in this process, with this checksum at their end: boxes are not compared again, which
-    /// takes most of the time.
-    ///
-    /// # Errors
-    /// As [`TriangleBvh::from_bytes`]; another checksum.
-    #[doc(hidden)]
-    pub fn from_known_bytes(bytes: &[u8], sum: u64) -> Result<Self, LoadError> {
-        let (header, [lines, units, _]) = sections(bytes, SIZES)?;
-        let computed = bytes.last_chunk().map_or(0, |sum| u64::from_le_bytes(*sum));
-        if computed != sum {
-            return Err(LoadError::Checksum { stored: sum, computed });
-        }
-        let mut nodes = nodes_of(&header, words_of(&bytes[lines]).into());
-        let leaves = Blocks::new(words_of(&bytes[units]).into(), test_of(&header));
-        let expected = Expected::of(&header, header.hit_error, true)?;
-        complete_triangles(&mut nodes, &leaves.halves, &expected)?;
-        Ok(loaded(&header, nodes, leaves, expected))
-    }
-
-    /// The BVH in a file that holds the bytes of [`TriangleBvh::to_bytes`], without a copy: rays are traced from the pages of the file.
-    ///
-    /// The whole file is read and checked once, as [`TriangleBvh::from_bytes`] does, which takes memory in proportion to it for a moment. A refit or an edit
-    /// copies it into memory first. On systems without memory maps, and where the least byte is not first, the file is read.
-    ///
-    /// # A file that changes
-    /// The file must not be written or truncated while the BVH exists: replace it by renaming another one, as programs do that write atomically; the BVH then keeps
-    /// the old one. No system gives a map that is safe from other processes. Where a file is written in place, answers are wrong, or a query panics or does not end; where it is
-    /// truncated, Linux ends the process by SIGBUS.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or that is not a valid BVH over triangles.
-    pub fn map(path: impl AsRef<Path>) -> Result<Self, MapError> {
-        Self::map_part(path.as_ref(), 0, None)
-    }
-
-    /// As [`TriangleBvh::map`], of a file in which the BVH starts at a byte, a multiple of 64, and ends with the file; with a triangle test of the reader's
-    /// choice.
-    ///
-    /// # Errors
-    /// As [`TriangleBvh::map`].
-    pub fn map_part(path: &Path, first: u64, test: Option<TriangleTest>) -> Result<Self, MapError> {
-        #[cfg(any(unix, windows))]
-        if let Some(map) = Map::open(path)? {
-            let first = usize::try_from(first).unwrap_or(usize::MAX).min(map.bytes().len());
-            let (header, [lines, units, _]) = sections(&map.bytes()[first..], SIZES)?;
-            let of_file = |section: &Range<usize>| section.start + first..section.end + first;
-            // Elsewhere than at a multiple of 64, it is copied.
-            if let Some((lines, units)) = map.records(of_file(&lines)).zip(map.records(of_file(&units))) {
-                let (lines, units) = (Records::mapped(lines), Records::mapped(units));
-                return Ok(Self::of_records(&header, lines, units, test.unwrap_or_else(|| test_of(&header)))?);
-            }
-        }
-        let bytes = std::fs::read(path)?;
-        let bytes = bytes.get(usize::try_from(first).unwrap_or(usize::MAX)..).unwrap_or_default();
-        Ok(test.map_or_else(|| Self::from_bytes(bytes), |test| Self::from_bytes_with(bytes, test))?)
     }
 
     fn read(bytes: &[u8], test: impl FnOnce(&Header) -> TriangleTest) -> Result<Self, LoadError> {

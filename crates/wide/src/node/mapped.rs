@@ -34,6 +34,13 @@ impl Map {
         &self.0
     }
 
+    /// Tells the system that all of it will be read soon.
+    pub(crate) fn read_ahead(&self) {
+        // No answer depends on it.
+        #[cfg(unix)]
+        let _ = self.0.advise(memmap2::Advice::WillNeed);
+    }
+
     /// Records in a range of bytes; `None` where it does not start at a multiple of their alignment, as maps start on a page.
     pub(crate) fn records<T: Pod>(&self, bytes: Range<usize>) -> Option<MappedRecords<T>> {
         bytemuck::try_cast_slice::<u8, T>(&self.0[bytes.clone()]).ok()?;
