@@ -87,7 +87,8 @@ impl Options {
                 "--triangles" => {
                     let value = value()?;
                     let n = value.parse::<f64>().ok().filter(|n| (1.0..=1e10).contains(n));
-                    options.triangles = n.ok_or_else(|| anyhow!("--triangles '{value}' is not a number of triangles"))? as usize;
+                    options.triangles =
+                        n.ok_or_else(|| anyhow!("--triangles '{value}' is not a number of triangles"))? as usize;
                 }
                 "--models" => options.models = Some(value()?.into()),
                 "--scenes" => options.scenes = list(&value()?),

@@ -128,7 +128,10 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     drop(opened);
     let single = if n_triangles <= MOST_IN_MEMORY { Some(field.in_memory()?) } else { None };
     let open = |memory: u64| TiledBvh::open(&path, OpenOptions { memory, ..OpenOptions::default() });
-    writeln!(out, "| rays | BVH | seconds | processor | of the first | tiles read |\n| --- | --- | --- | --- | --- | --- |")?;
+    writeln!(
+        out,
+        "| rays | BVH | seconds | processor | of the first | tiles read |\n| --- | --- | --- | --- | --- | --- |"
+    )?;
     for (kind, rays) in field.rays() {
         let mut first = None;
         let mut row = |name: &str, times: &[Seconds], hits: Vec<Option<Hit>>, reads: u64| -> Result<()> {

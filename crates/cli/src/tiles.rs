@@ -23,8 +23,8 @@ use crate::{
                   canted cast city.tiles --rays rays.csv --hits hits.csv"
 )]
 pub(crate) struct Args {
-    /// Scenes: OBJ, PLY, STL, OFF, glTF, GLB or scene files (.toml), numbered one after another. Binary STL is read a part at a time,
-    /// other files are read whole, one at a time.
+    /// Scenes: OBJ, PLY, STL, OFF, glTF, GLB or scene files (.toml), numbered one after another. Binary STL and binary PLY are read a part
+    /// at a time, other files are read whole, one at a time.
     #[arg(required = true, value_name = "SCENE", id = "scene")]
     scenes: Vec<PathBuf>,
     #[command(flatten)]
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut writer = TileWriter::create(&args.output, options)?;
     let mut placed = Placed::default();
     for path in &args.scenes {
-        placed.add(&mut writer, path, &args.files)?;
+        placed.add(&mut writer, path, &args.files, args.memory)?;
     }
     placed.end(&mut writer)?;
     let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(1000) };
@@ -114,22 +114,17 @@ impl From<ReadError> for StreamError {
 
 impl Placed {
     /// Adds a scene.
-    fn add(&mut self, writer: &mut TileWriter, path: &Path, files: &FileArgs) -> Result<()> {
+    fn add(&mut self, writer: &mut TileWriter, path: &Path, files: &FileArgs, memory: u64) -> Result<()> {
         let (first, number) = (self.n_flat, self.next);
-        let streamed = canted_scene::stream_triangles(path, |triangles| {
+        let streamed = canted_scene::stream_triangles(path, memory / 2, |triangles| {
             self.n_flat += triangles.len() as u64;
             writer.push(triangles).map_err(StreamError::Tiles)
         });
         match streamed {
             Err(StreamError::Read(error)) => return Err(load::with_remedy(error)),
             Err(StreamError::Tiles(error)) => return Err(error.into()),
-            Ok(Some(n_dropped)) => {
-                if n_dropped > 0 {
-                    output::warn(&format!(
-                        "{}: skipping triangles with a non-finite vertex: {n_dropped}",
-                        path.display()
-                    ));
-                }
+            Ok(Some(warnings)) => {
+                warnings.iter().for_each(|warning| output::warn(&format!("{}: {warning}", path.display())));
                 self.flat.push([first, number]);
                 self.next += self.n_flat - first;
                 return Ok(());

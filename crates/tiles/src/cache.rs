@@ -297,7 +297,10 @@ impl Cache {
         let stamps = self.stamps(index)?;
         if locked(&self.used).known[index].as_ref().is_some_and(|known| known.stamps != stamps) {
             let path = self.folder.join(&self.entries[index].bvh);
-            return Err(TileError::damaged(&path, "a file of the tile was written while the store is open; open it again"));
+            return Err(TileError::damaged(
+                &path,
+                "a file of the tile was written while the store is open; open it again",
+            ));
         }
         Ok(())
     }

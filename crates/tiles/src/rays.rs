@@ -70,7 +70,14 @@ impl Through {
     fn new(index: usize, ray: &Ray) -> Option<Self> {
         let ray = plain(&ScaledRay::new(ray)?);
         let scaled = ScaledRay::new(&ray)?;
-        Some(Self { index: index as u32, ray, scaled, ahead: Ahead::NEW, hits: vec![], parts: CrossingParts::default() })
+        Some(Self {
+            index: index as u32,
+            ray,
+            scaled,
+            ahead: Ahead::NEW,
+            hits: vec![],
+            parts: CrossingParts::default(),
+        })
     }
 }
 

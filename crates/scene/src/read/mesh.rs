@@ -65,8 +65,8 @@ impl MeshChecks {
         self.n_unweighted_vertices += other.n_unweighted_vertices;
     }
 
-    /// Appends the warnings to the scene; fails if no triangle has a positive area.
-    pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
+    /// What is counted, in words; fails if no triangle has a positive area.
+    pub(crate) fn warnings(self, path: &Path) -> Result<Vec<String>, ReadError> {
         let Self { n_kept, n_flat, n_dropped, n_small_faces, n_overlapping_faces, n_unweighted_vertices, .. } = self;
         if n_kept == 0 && n_dropped > 0 {
             return Err(ReadError::empty(path, format!("all {n_dropped} triangles have a non-finite vertex")));
@@ -85,7 +85,12 @@ impl MeshChecks {
             (n_flat, "degenerate triangles (zero area)"),
         ];
         let counted = counts.into_iter().filter(|&(count, _)| count > 0);
-        scene.warnings.extend(counted.map(|(count, what)| format!("{what}: {count}")));
+        Ok(counted.map(|(count, what)| format!("{what}: {count}")).collect())
+    }
+
+    /// Appends the warnings to the scene; fails if no triangle has a positive area.
+    pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
+        scene.warnings.extend(self.warnings(path)?);
         let bounds = scene.bounds_world();
         if bounds.extent().into_iter().any(|side| side > f64::from(f32::MAX)) || bounds.area() > f64::from(f32::MAX) {
             scene

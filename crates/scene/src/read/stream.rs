@@ -1,32 +1,44 @@
 //! Triangles of files that are read a part at a time, in memory that does not depend on the size of the file.
 //!
-//! A binary STL file with the size that it declares; other files are read whole.
+//! A binary STL file with the size that it declares, and a binary PLY file of vertices and faces; other files are read whole.
 
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::Path;
 
 use super::error::ReadError;
+use super::ply;
 
 /// Bytes before the first triangle of a binary STL file, and of a triangle.
 const START_BYTES: usize = 84;
 const TRIANGLE_BYTES: usize = 50;
 
 /// Triangles of a part.
-const PART: usize = 1 << 14;
+pub(super) const PART: usize = 1 << 14;
 
 /// Calls `visit` with the triangles of a file in order, in parts, without those that have a vertex that is not finite, as
-/// [`read`](crate::read) leaves them out. Returns how many were; `None` without a call where the file cannot be read in parts.
+/// [`read`](crate::read) skips them. Returns warnings; `None` without a call where the file cannot be read in parts. About `memory` bytes
+/// hold vertices that faces share.
 ///
 /// # Errors
 /// A file that cannot be read; the first error of `visit`.
 pub fn stream_triangles<E: From<ReadError>>(
     path: &Path,
+    memory: u64,
     mut visit: impl FnMut(&[[[f32; 3]; 3]]) -> Result<(), E>,
-) -> Result<Option<u64>, E> {
-    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("stl")) {
-        return Ok(None);
+) -> Result<Option<Vec<String>>, E> {
+    let has_extension = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
+    match () {
+        () if has_extension("stl") => binary_stl(path, &mut visit),
+        () if has_extension("ply") => ply::stream::triangles(path, memory, &mut visit),
+        () => Ok(None),
     }
+}
+
+fn binary_stl<E: From<ReadError>>(
+    path: &Path,
+    visit: &mut dyn FnMut(&[[[f32; 3]; 3]]) -> Result<(), E>,
+) -> Result<Option<Vec<String>>, E> {
     // What cannot be opened is reported by the reader of whole files.
     let Ok(file) = File::open(path) else { return Ok(None) };
     let Some(n_bytes) = file.metadata().ok().filter(|found| found.is_file()).map(|found| found.len()) else {
@@ -41,7 +53,7 @@ pub fn stream_triangles<E: From<ReadError>>(
     if n == 0 || n * TRIANGLE_BYTES as u64 + START_BYTES as u64 != n_bytes {
         return Ok(None);
     }
-    let (mut bytes, mut triangles, mut n_dropped) = (vec![], vec![], 0);
+    let (mut bytes, mut triangles, mut n_dropped) = (vec![], vec![], 0_usize);
     let mut left = n as usize;
     while left > 0 {
         let n_part = left.min(PART);
@@ -62,5 +74,6 @@ pub fn stream_triangles<E: From<ReadError>>(
         }
         visit(&triangles)?;
     }
-    Ok(Some(n_dropped))
+    let warning = (n_dropped > 0).then(|| format!("skipping triangles with a non-finite vertex: {n_dropped}"));
+    Ok(Some(warning.into_iter().collect()))
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::body::{Body, Element, Kind, Scalar};
+use super::body::{Body, Element, Kind, Property, Scalar};
 use super::colors::{Colors, MATERIAL, RGB};
 use crate::read::error::ReadError;
 use crate::read::mesh::{Corner, MeshChecks};
@@ -16,6 +16,11 @@ const UVS: [&[u8]; 7] = [b"texcoord", b"texcoords", b"tex_coord", b"tex_coords",
 
 /// Property names of the texture of a face: a number of a `TextureFile`, from 0.
 pub(super) const TEXTURE: [&[u8]; 5] = [b"texnumber", b"tex_number", b"texture_number", b"texture_index", b"texid"];
+
+/// Whether a property is the list of the vertices of a face.
+pub(super) fn is_indices(property: &Property) -> bool {
+    matches!(property.kind, Kind::List { .. }) && property.is_one_of(&INDICES)
+}
 
 /// What a property of a face means.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +47,7 @@ impl Layout {
         for property in &element.properties {
             let is = |names: &[&[u8]]| property.is_one_of(names);
             let slot = match property.kind {
-                Kind::List { .. } if is(&INDICES) => Some(Slot::Indices),
+                Kind::List { .. } if is_indices(property) => Some(Slot::Indices),
                 Kind::List { .. } if is(&UVS) => Some(Slot::Uvs),
                 Kind::Scalar(_) if is(&TEXTURE) => Some(Slot::Texture),
                 Kind::Scalar(_) if is(&MATERIAL) => Some(Slot::Material),

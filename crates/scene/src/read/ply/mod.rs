@@ -12,6 +12,7 @@ mod body;
 mod colors;
 mod faces;
 pub(super) mod lines;
+pub(super) mod stream;
 
 use std::path::Path;
 
