@@ -1,6 +1,6 @@
 //! Which tiles a ray may hit, and from which `t` on; which tiles may be near a point.
 
-use canted_obb::{Aabb, Obb, PrimId};
+use canted_obb::{Aabb, Affine, Obb, PrimId};
 use canted_tlas::{Instance, Tlas};
 use canted_trace::{Hit, InstanceId, Intersect, Query, Ray, ScaledRay, Side, TriangleTest, with_stack};
 use canted_wide::WideBvh;
@@ -97,9 +97,9 @@ impl Ahead {
     pub(crate) const NEW: Self = Self { entries: [Entry(0.0, 0); N_AHEAD], n: 0, n_taken: 0, is_all: false };
 
     /// The next tile of a scaled ray, whose `t_max` may have come down since.
-    pub(crate) fn next(&mut self, broad: &Broad, ray: &Ray, memory: &mut Memory) -> Option<Entry> {
+    pub(crate) fn next(&mut self, tiles: &EnteredTiles, ray: &Ray, memory: &mut Memory) -> Option<Entry> {
         if self.n_taken == self.n && !self.is_all {
-            broad.entries(ray, &mut memory.hits, &mut memory.entries);
+            tiles.entries(ray, &mut memory.hits, &mut memory.entries);
             let last = self.entries[..usize::from(self.n)].last();
             let n_before = last.map_or(0, |last| memory.entries.partition_point(|entry| entry <= last));
             let after = &memory.entries[n_before..];
@@ -113,42 +113,21 @@ impl Ahead {
     }
 }
 
-/// The bounds of all tiles, wherever they are placed.
-pub(crate) struct Broad {
-    rays: Tlas<TileBounds>,
-    /// The tile of each instance of `rays`.
+/// Tiles that rays may enter, in several places perhaps.
+pub(crate) struct EnteredTiles {
+    bounds: Tlas<TileBounds>,
+    /// The tile of each instance of `bounds`.
     tile_of: Vec<u32>,
-    points: WideBvh<Aabb>,
-    /// The greatest coordinate of the bounds.
-    reach: f32,
 }
 
-impl Broad {
-    /// Of a manifest that was checked.
-    pub(crate) fn new(manifest: &Manifest) -> Result<Self, String> {
-        let boxes: Vec<Aabb> = manifest.tiles.iter().map(|tile| tile.aabb()).collect();
+impl EnteredTiles {
+    /// Each place: a tile, and where it is.
+    fn new(boxes: &[Aabb], places: impl Iterator<Item = (u32, Affine)>) -> Result<Self, String> {
+        let (tile_of, instances): (Vec<u32>, Vec<Instance>) =
+            places.map(|(tile, affine)| (tile, Instance::new(tile, affine))).unzip();
         let bounds = boxes.iter().map(|aabb| TileBounds(*aabb)).collect();
-        let (mut instances, mut tile_of) = (vec![], vec![]);
-        for placement in &manifest.placements {
-            let [first, n] = manifest.meshes[placement.mesh as usize].tiles;
-            for tile in first..first + n {
-                instances.push(Instance::new(tile, placement.affine()));
-                tile_of.push(tile);
-            }
-        }
-        let rays = Tlas::new(bounds, &instances, Default::default()).map_err(|error| error.to_string())?;
-        let greatest = boxes.iter().flat_map(|aabb| [aabb.min, aabb.max]).map(reach).fold(0.0, f32::max);
-        let points = WideBvh::over(boxes).map_err(|error| error.to_string())?;
-        Ok(Self { rays, tile_of, points, reach: greatest })
-    }
-
-    /// Bounds of everything, and how far a hit may lie outside of them.
-    pub(crate) fn bounds(&self) -> (Obb, f32) {
-        (self.rays.bounds(), self.rays.hit_error())
-    }
-
-    pub(crate) fn aabb(&self) -> Aabb {
-        self.rays.aabb()
+        let bounds = Tlas::new(bounds, &instances, Default::default()).map_err(|error| error.to_string())?;
+        Ok(Self { bounds, tile_of })
     }
 
     /// The tiles that a ray may hit, in order; `ray` is scaled. Replaces the content of `entries`; `hits` is memory to use.
@@ -156,33 +135,99 @@ impl Broad {
         entries.clear();
         hits.clear();
         if let Some(ray) = ScaledRay::new(ray) {
-            with_stack(self.rays.stack_len(), |stack| self.rays.all_hits_scaled(&ray, &mut (), stack, hits));
+            with_stack(self.bounds.stack_len(), |stack| self.bounds.all_hits_scaled(&ray, &mut (), stack, hits));
         }
         entries.extend(hits.iter().map(|hit| Entry(hit.t, self.tile_of[hit.instance.index()])));
         entries.sort_unstable_by(|a, b| (a.1, a.0).partial_cmp(&(b.1, b.0)).unwrap_or(std::cmp::Ordering::Equal));
-        // Of a tile with several placements, the first that the ray enters.
+        // Of a tile in several places, the first that the ray enters.
         entries.dedup_by_key(|entry| entry.1);
         entries.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
     }
+}
 
-    /// The tile nearest to a point, by the distance to its bounds, after `last`, of those that may hold a triangle at most `limit` away: the
-    /// squared distance of the bounds, and the tile. `limit` is a squared distance.
+/// The bounds of all tiles, wherever they are placed.
+pub(crate) struct Broad {
+    pub(crate) rays: EnteredTiles,
+    /// The boxes of the places of `rays`, in world space.
+    points: WideBvh<Aabb>,
+    /// The tile at each of them.
+    point_tiles: Vec<u32>,
+    /// The greatest coordinate of these.
+    reach: f32,
+    /// Of a store with placements: the tiles of each mesh, in its space, and all placements, by the bounds of their meshes.
+    pub(crate) meshes: Vec<EnteredTiles>,
+    pub(crate) placements: Option<Tlas<TileBounds>>,
+}
+
+impl Broad {
+    /// Of a manifest that was checked.
+    pub(crate) fn new(manifest: &Manifest) -> Result<Self, String> {
+        let boxes: Vec<Aabb> = manifest.tiles.iter().map(|tile| tile.aabb()).collect();
+        let tiles_of = |mesh: usize| {
+            let [first, n] = manifest.meshes[mesh].tiles;
+            first..first + n
+        };
+        let places = manifest.placements.iter().flat_map(|placement| {
+            let affine = placement.affine();
+            tiles_of(placement.mesh as usize).map(move |tile| (tile, affine))
+        });
+        let rays = EnteredTiles::new(&boxes, places)?;
+        let (mut meshes, mut placements, mut in_world) =
+            (vec![], None, boxes.iter().copied().zip(0..).collect::<Vec<_>>());
+        if !manifest.is_plain() {
+            let own = |mesh| EnteredTiles::new(&boxes, tiles_of(mesh).map(|tile| (tile, Affine::IDENTITY)));
+            meshes = (0..manifest.meshes.len()).map(own).collect::<Result<_, _>>()?;
+            let whole = |mesh: usize| tiles_of(mesh).fold(Aabb::EMPTY, |all, tile| all.union(boxes[tile as usize]));
+            let bounds = (0..manifest.meshes.len()).map(|mesh| TileBounds(whole(mesh))).collect();
+            let instances: Vec<Instance> =
+                manifest.placements.iter().map(|place| Instance::new(place.mesh, place.affine())).collect();
+            placements = Some(Tlas::new(bounds, &instances, Default::default()).map_err(|error| error.to_string())?);
+            let placed = (0..).map(InstanceId).zip(&rays.tile_of);
+            in_world = placed.filter_map(|(i, tile)| Some((rays.bounds.instance_bounds(i)?, *tile))).collect();
+        }
+        let (in_world, point_tiles): (Vec<Aabb>, Vec<u32>) = in_world.into_iter().unzip();
+        let reach = in_world.iter().flat_map(|aabb| [aabb.min, aabb.max]).map(reach).fold(0.0, f32::max);
+        let points = WideBvh::over(in_world).map_err(|error| error.to_string())?;
+        Ok(Self { rays, points, point_tiles, reach, meshes, placements })
+    }
+
+    /// Bounds of everything, and how far a hit may lie outside of them.
+    pub(crate) fn bounds(&self) -> (Obb, f32) {
+        (self.rays.bounds.bounds(), self.rays.bounds.hit_error())
+    }
+
+    pub(crate) fn aabb(&self) -> Aabb {
+        self.rays.bounds.aabb()
+    }
+
+    /// The place of a tile nearest to a point, by the distance to its bounds, after `last`, of those that may hold a triangle at most `limit` away:
+    /// the squared distance of the bounds, and the place, whose tile [`Self::tile_at`] says.
     ///
-    /// Distances of triangles fall short of the true ones by at most 2^-40 of the coordinates, for which the limit is larger.
-    pub(crate) fn nearest(&self, point: [f32; 3], last: Option<(f64, u32)>, limit: f64) -> Option<(f64, u32)> {
-        let size = f64::from(reach(point).max(self.reach)) * 2.0;
-        let far = limit.sqrt() + size / (1_u64 << 38) as f64;
-        let limit = far * far * (1.0 + 1e-12);
+    /// Distances of triangles fall short of the true ones by at most 2^-38 of the coordinates, for which the limit is larger; `point` may be
+    /// rounded by as much as `f32` does.
+    pub(crate) fn nearest(&self, point: [f64; 3], last: Option<(f64, u32)>, limit: f64) -> Option<(f64, u32)> {
+        let max = f64::from(f32::MAX);
+        let rounded = point.map(|x| x.clamp(-max, max) as f32);
+        let size = f64::from(reach(rounded).max(self.reach)) * 2.0;
+        let rounding = (0..3).map(|k| (point[k] - f64::from(rounded[k])).abs()).sum::<f64>();
+        let far = limit + size / (1_u64 << 38) as f64;
+        let squared = |distance: f64| distance * distance * (1.0 + 1e-12);
         let mut best: Option<(f64, u32)> = None;
-        self.points.visit_near(point, limit, |tile, aabb, bound| {
-            let found = (squared_distance(point, aabb), tile.0);
-            let is_next = found.0 <= limit && last.is_none_or(|last| last < found) && best.is_none_or(|b| found < b);
+        self.points.visit_near(rounded, squared(far + rounding), |place, aabb, bound| {
+            let found = (squared_distance(point, aabb), place.0);
+            let is_next =
+                found.0 <= squared(far) && last.is_none_or(|last| last < found) && best.is_none_or(|b| found < b);
             if is_next {
                 best = Some(found);
             }
-            best.map_or(bound, |(distance, _)| distance.min(bound))
+            best.map_or(bound, |(distance, _)| squared(distance.sqrt() + rounding).min(bound))
         });
         best
+    }
+
+    /// The tile at a place.
+    pub(crate) fn tile_at(&self, place: u32) -> u32 {
+        self.point_tiles[place as usize]
     }
 }
 
@@ -192,9 +237,9 @@ fn reach(corner: [f32; 3]) -> f32 {
 }
 
 /// The squared distance to a box.
-fn squared_distance(point: [f32; 3], aabb: &Aabb) -> f64 {
+fn squared_distance(point: [f64; 3], aabb: &Aabb) -> f64 {
     let gap = |k: usize| {
-        let x = f64::from(point[k]);
+        let x = point[k];
         (f64::from(aabb.min[k]) - x).max(x - f64::from(aabb.max[k])).max(0.0)
     };
     let [x, y, z] = [gap(0), gap(1), gap(2)];

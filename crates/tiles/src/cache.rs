@@ -48,11 +48,19 @@ impl Tile {
         PrimId(self.numbers[primitive.index()])
     }
 
+    /// All placements; none of a plain store.
+    pub(crate) fn placed(&self) -> Option<&Tlas<Arc<TriangleBvh>>> {
+        self.placed.as_ref().map(|placed| &placed.tlas)
+    }
+
+    /// The placement that an instance of the tile is.
+    pub(crate) fn placement(&self, instance: InstanceId) -> InstanceId {
+        self.placed.as_ref().map_or(InstanceId(0), |placed| InstanceId(placed.placements[instance.index()]))
+    }
+
     /// A hit of [`Self::target`] with its numbers in the whole.
     pub(crate) fn in_whole(&self, hit: Hit) -> Hit {
-        let instance =
-            self.placed.as_ref().map_or(InstanceId(0), |placed| InstanceId(placed.placements[hit.instance.index()]));
-        Hit { primitive: self.number(hit.primitive), instance, ..hit }
+        Hit { primitive: self.number(hit.primitive), instance: self.placement(hit.instance), ..hit }
     }
 
     fn n_bytes(&self) -> u64 {

@@ -51,6 +51,7 @@ mod bvh;
 mod cache;
 mod error;
 mod manifest;
+mod placed;
 mod points;
 mod rays;
 mod schedule;

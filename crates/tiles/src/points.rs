@@ -11,7 +11,7 @@ use crate::error::TileError;
 use crate::schedule::{Item, Memory};
 
 /// Points that wait at once.
-const BATCH: usize = 1 << 20;
+pub(crate) const BATCH: usize = 1 << 20;
 
 /// A point on its way to the nearest triangles.
 struct Near {
@@ -35,9 +35,9 @@ impl Near {
 
 impl Item for Near {
     fn next(&mut self, bvh: &TiledBvh, _: &mut Memory) -> Option<u32> {
-        let next = bvh.broad.nearest(self.point, self.last, self.nearest.bound())?;
+        let next = bvh.broad.nearest(self.point.map(f64::from), self.last, self.nearest.bound().sqrt())?;
         self.last = Some(next);
-        Some(next.1)
+        Some(bvh.broad.tile_at(next.1))
     }
 }
 
@@ -53,15 +53,15 @@ impl Above {
     fn new(index: usize, point: [f32; 3]) -> Self {
         Self { index: index as u32, point, ahead: Ahead::NEW, place: Place::Outside }
     }
+}
 
-    /// Adds the place with respect to a tile: an odd number of odd numbers is odd.
-    fn add(&mut self, of_tile: Place) {
-        self.place = match (self.place, of_tile) {
-            (Place::On, _) | (_, Place::On) => Place::On,
-            (place, Place::Outside) => place,
-            (Place::Outside, Place::Inside) => Place::Inside,
-            (Place::Inside, Place::Inside) => Place::Outside,
-        };
+/// The place with respect to one more tile: an odd number of odd numbers is odd.
+pub(crate) fn add(place: Place, of_tile: Place) -> Place {
+    match (place, of_tile) {
+        (Place::On, _) | (_, Place::On) => Place::On,
+        (place, Place::Outside) => place,
+        (Place::Outside, Place::Inside) => Place::Inside,
+        (Place::Inside, Place::Inside) => Place::Outside,
     }
 }
 
@@ -70,7 +70,7 @@ impl Item for Above {
         if self.place == Place::On {
             return None;
         }
-        self.ahead.next(&bvh.broad, &Ray::new(self.point, [0.0, 0.0, 1.0]), memory).map(|entry| entry.1)
+        self.ahead.next(&bvh.broad.rays, &Ray::new(self.point, [0.0, 0.0, 1.0]), memory).map(|entry| entry.1)
     }
 }
 
@@ -146,7 +146,7 @@ impl TiledBvh {
                 let points: Vec<[f32; 3]> = chunk.iter().map(|item| item.point).collect();
                 let mut places = vec![Place::Outside; points.len()];
                 tile.bvh().places(&points, &mut places);
-                chunk.iter_mut().zip(places).for_each(|(item, place)| item.add(place));
+                chunk.iter_mut().zip(places).for_each(|(item, place)| item.place = add(item.place, place));
             })?;
             items.iter().for_each(|item| answer(batch * BATCH + item.index as usize, item.place));
         }

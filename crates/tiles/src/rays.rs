@@ -1,7 +1,11 @@
 //! Rays: hits of all tiles, in the order of one BVH.
 
 use canted_obb::Obb;
-use canted_trace::{Crossings, Hit, HitLists, Intersect, Mapped, Query, Ray, ScaledRay, TriangleTest, with_stack};
+use canted_tlas::in_world_order;
+use canted_trace::{
+    Crossings, Hit, HitLists, InstanceId, Intersect, Mapped, ObjectRay, Query, Ray, ScaledRay, TriangleTest,
+    alternate_sides, with_stack,
+};
 use canted_wide::CrossingParts;
 
 use crate::broad::{Ahead, Entry};
@@ -51,7 +55,7 @@ impl Item for OnWay {
             return None;
         }
         // Up to the closest hit so far, so tiles behind it are not among them.
-        self.ahead.next(&bvh.broad, &self.ray, memory).map(|entry| entry.1)
+        self.ahead.next(&bvh.broad.rays, &self.ray, memory).map(|entry| entry.1)
     }
 }
 
@@ -62,6 +66,15 @@ struct Through {
     scaled: ScaledRay,
     ahead: Ahead,
     hits: Vec<Hit>,
+    parts: CrossingParts,
+    /// Of a store with placements, those of each.
+    placed: Vec<PlacedParts>,
+}
+
+/// The crossings of a ray with one placement.
+struct PlacedParts {
+    placement: InstanceId,
+    object: ObjectRay,
     parts: CrossingParts,
 }
 
@@ -77,13 +90,14 @@ impl Through {
             ahead: Ahead::NEW,
             hits: vec![],
             parts: CrossingParts::default(),
+            placed: vec![],
         })
     }
 }
 
 impl Item for Through {
     fn next(&mut self, bvh: &TiledBvh, memory: &mut Memory) -> Option<u32> {
-        self.ahead.next(&bvh.broad, &self.ray, memory).map(|entry| entry.1)
+        self.ahead.next(&bvh.broad.rays, &self.ray, memory).map(|entry| entry.1)
     }
 }
 
@@ -177,14 +191,37 @@ impl TiledBvh {
     /// Every crossing of each ray, in the order of [`Crossings::crossings`], on all threads. Replaces the content of `lists`.
     ///
     /// # Errors
-    /// A tile that cannot be read, with its file; a store with placements.
+    /// A tile that cannot be read, with its file.
     pub fn try_crossings(&self, rays: &[Ray], lists: &mut HitLists) -> Result<(), TileError> {
-        self.one_mesh("crossings")?;
         let visit = |tile: &Tile, item: &mut Through| {
-            item.parts.add(tile.bvh(), &item.scaled, |primitive| tile.number(primitive));
+            let Some(tlas) = tile.placed() else {
+                return item.parts.add(tile.bvh(), &item.scaled, |primitive| tile.number(primitive));
+            };
+            let placed = &mut item.placed;
+            with_stack(tlas.stack_len(), |stack| {
+                tlas.each_entered(&item.scaled, stack, &mut |bvh, object, instance, _| {
+                    let placement = tile.placement(instance);
+                    let own = placed.iter().position(|own| own.placement == placement).unwrap_or_else(|| {
+                        placed.push(PlacedParts { placement, object: *object, parts: CrossingParts::default() });
+                        placed.len() - 1
+                    });
+                    placed[own].parts.add(bvh, &object.ray, |primitive| tile.number(primitive));
+                });
+            });
         };
         self.through(rays, lists, &visit, &|mut item| {
-            item.parts.finish(&item.scaled, &mut item.hits);
+            if self.is_plain {
+                item.parts.finish(&item.scaled, &mut item.hits);
+                return item.hits;
+            }
+            let (mut found, mut own) = (vec![], vec![]);
+            for PlacedParts { placement, object, parts } in item.placed {
+                parts.finish(&object.ray, &mut own);
+                let placed = |hit: Hit| (object.world_t(hit.t), Hit { instance: placement, ..hit });
+                found.extend(own.drain(..).map(placed));
+            }
+            in_world_order(&item.scaled, found, &mut item.hits);
+            alternate_sides(&mut item.hits);
             item.hits
         })
     }
@@ -219,7 +256,7 @@ impl TiledBvh {
     /// The tiles that a ray may hit, in order.
     fn entries(&self, ray: &Ray) -> Vec<Entry> {
         let mut entries = vec![];
-        self.broad.entries(ray, &mut vec![], &mut entries);
+        self.broad.rays.entries(ray, &mut vec![], &mut entries);
         entries
     }
 }
@@ -318,7 +355,7 @@ impl Intersect for TiledBvh {
     }
 }
 
-/// Of a store of one mesh; of one with placements, and where a tile cannot be read, it panics.
+/// Panics where a tile cannot be read.
 impl Crossings for TiledBvh {
     fn crossings_scaled(&self, ray: &ScaledRay, _: &mut [u64], crossings: &mut Vec<Hit>) {
         let mut lists = HitLists::new();

@@ -41,6 +41,36 @@ pub struct NearestSurface {
     pub instance: InstanceId,
 }
 
+/// The nearest of those that were taken, in order.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct NearestSurfaces {
+    pub found: Vec<NearestSurface>,
+    /// At least one.
+    pub k: usize,
+    pub max_distance: f64,
+}
+
+impl NearestSurfaces {
+    /// Takes a triangle, and returns the distance within which others count.
+    pub fn take(&mut self, found: NearestSurface) -> f64 {
+        let order = |a: &NearestSurface| (a.distance, a.instance, a.primitive);
+        let place = self.found.partition_point(|other| order(other) < order(&found));
+        // Found again through a second reference.
+        if self.found.get(place) != Some(&found) {
+            self.found.insert(place, found);
+            self.found.truncate(self.k);
+        }
+        self.bound()
+    }
+
+    /// The distance within which others count.
+    #[must_use]
+    pub fn bound(&self) -> f64 {
+        if self.found.len() < self.k { self.max_distance } else { self.found[self.k - 1].distance }
+    }
+}
+
 /// Distances, overlaps and containment, of a TLAS over triangles.
 ///
 /// Each takes time for every instance; triangles are searched for in those that are near.
@@ -76,19 +106,11 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
         nearest: &mut Vec<NearestSurface>,
     ) {
         nearest.clear();
-        if k == 0 {
-            return;
+        let mut list = NearestSurfaces { found: std::mem::take(nearest), k, max_distance };
+        if k > 0 {
+            self.visit_near(point.into(), max_distance, &mut |found| list.take(found));
         }
-        self.visit_near(point.into(), max_distance, &mut |found| {
-            let order = |a: &NearestSurface| (a.distance, a.instance, a.primitive);
-            let place = nearest.partition_point(|other| order(other) < order(&found));
-            // Found again through a second reference.
-            if nearest.get(place) != Some(&found) {
-                nearest.insert(place, found);
-                nearest.truncate(k);
-            }
-            if nearest.len() < k { max_distance } else { nearest[k - 1].distance }
-        });
+        *nearest = list.found;
     }
 
     /// The nearest triangle of each point; see [`Tlas::nearest_point`]. Points near their predecessors, as those of grids, take less time.
@@ -159,7 +181,8 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
 
     /// Calls `visit` with the closest point of each triangle that may be at most `limit` away; it returns the new limit. A triangle may come
     /// twice.
-    pub(crate) fn visit_near(&self, point: [f64; 3], limit: f64, visit: &mut dyn FnMut(NearestSurface) -> f64) {
+    #[doc(hidden)]
+    pub fn visit_near(&self, point: [f64; 3], limit: f64, visit: &mut dyn FnMut(NearestSurface) -> f64) {
         // Nothing is near a negative limit, or one that is NaN.
         if !(point.iter().all(|x| x.is_finite()) && limit >= 0.0) {
             return;

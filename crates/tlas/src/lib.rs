@@ -79,11 +79,12 @@ mod top;
 mod users;
 
 pub use canted_trace::SaveBlas;
-pub use distance::NearestSurface;
+pub use distance::{NearestSurface, NearestSurfaces};
 pub use edit::TlasEdit;
 pub use file::TlasLoadError;
 pub use inside::InstancePrimitive;
 pub use instance::{Instance, InstanceError, MAX_CONDITION, row_sum_norm};
 pub use motion::Motion;
+pub use query::in_world_order;
 pub use tlas::Tlas;
 pub use top::{BuildBoxes, TopConfig};

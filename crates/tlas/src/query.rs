@@ -12,6 +12,9 @@ use crate::{Motion, Tlas};
 /// Appends what a ray finds on one instance.
 type TraceInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64], &mut Vec<Hit>) + 'a;
 
+/// Visits an instance that a ray may hit.
+type VisitInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64]) + 'a;
+
 /// Queries, of rays in world space. A hit has the number of its instance, and so have the hits that a query sees.
 ///
 /// ```
@@ -223,22 +226,38 @@ impl<B: Intersect> Tlas<B> {
 
     /// Appends what `trace` finds on each instance that the ray may hit, in order. Returns the number of box tests.
     fn collect(&self, ray: &ScaledRay, stack: &mut [u64], hits: &mut Vec<Hit>, trace: &mut TraceInstance<B>) -> u32 {
-        let ray = WorldRay::new(ray);
-        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
         let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);
-        let n_boxes = self.top.traverse(&ray, Order::Any, top, &mut |instance, t_max| {
-            if let Some((blas, object)) = self.enter(instance, &ray) {
-                trace(blas, &object, instance, bottom, &mut of_instance);
-                with_t.extend(of_instance.drain(..).map(|hit| (object.world_t(hit.t), Hit { instance, ..hit })));
-            }
-            t_max
+        let n_boxes = self.each_entered(ray, stack, &mut |blas, object, instance, stack| {
+            trace(blas, object, instance, stack, &mut of_instance);
+            with_t.extend(of_instance.drain(..).map(|hit| (object.world_t(hit.t), Hit { instance, ..hit })));
         });
-        with_t.sort_unstable_by(|(t_a, a), (t_b, b)| {
-            // Adding zero makes -0.0 positive: the two zeros are one `t`.
-            let by_t = (t_a + 0.0).total_cmp(&(t_b + 0.0));
-            by_t.then((a.instance, a.primitive).cmp(&(b.instance, b.primitive)))
-        });
-        hits.extend(with_t.into_iter().map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit }));
+        in_world_order(ray, with_t, hits);
         n_boxes
     }
+
+    /// Calls `visit` with the BVH of each instance that a ray may hit, the ray in its object space, and memory for its traversal. Returns the number of
+    /// box tests.
+    #[doc(hidden)]
+    pub fn each_entered(&self, ray: &ScaledRay, stack: &mut [u64], visit: &mut VisitInstance<B>) -> u32 {
+        let ray = WorldRay::new(ray);
+        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
+        self.top.traverse(&ray, Order::Any, top, &mut |instance, t_max| {
+            if let Some((blas, object)) = self.enter(instance, &ray) {
+                visit(blas, &object, instance, bottom);
+            }
+            t_max
+        })
+    }
+}
+
+/// Appends hits of instances in order; each comes with its scaled `t` in world space.
+#[doc(hidden)]
+pub fn in_world_order(ray: &ScaledRay, mut found: Vec<(f64, Hit)>, hits: &mut Vec<Hit>) {
+    found.sort_unstable_by(|(t_a, a), (t_b, b)| {
+        // Adding zero makes -0.0 positive: the two zeros are one `t`.
+        let by_t = (t_a + 0.0).total_cmp(&(t_b + 0.0));
+        by_t.then((a.instance, a.primitive).cmp(&(b.instance, b.primitive)))
+    });
+    let ray = WorldRay::new(ray);
+    hits.extend(found.into_iter().map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit }));
 }

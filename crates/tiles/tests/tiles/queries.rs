@@ -144,6 +144,38 @@ fn placements_answer_as_a_tlas() {
             assert_eq!(tiled.in_whole(hit.instance, hit.primitive), (2000 + u64::from(hit.primitive.0), 2));
             let error = tiled.try_contains(&[[0.0; 3]], &mut [false]).unwrap_err().to_string();
             assert!(error.ends_with("require a store of one mesh; this one has 5 placements"), "{error}");
+            let (mut want, mut found) = (HitLists::new(), HitLists::new());
+            tlas.crossings_listed(&rays, &mut want);
+            tiled.try_crossings(&rays, &mut found).unwrap();
+            assert_eq!(lists(&found), lists(&want));
+            compare_placed_points(&tiled, &tlas, &rays);
+        }
+    }
+}
+
+/// Points in world space: where rays start, where they hit, and between.
+fn compare_placed_points(tiled: &TiledBvh, tlas: &Tlas<canted_wide::TriangleBvh>, rays: &[Ray]) {
+    let at = |ray: &Ray, t: f32| [0, 1, 2].map(|k| f64::from(ray.origin[k]) + f64::from(t * ray.direction[k]));
+    let mut points: Vec<[f64; 3]> = vec![[f64::NAN, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0], [1e300, 0.0, 0.0]];
+    for ray in rays.iter().step_by(3) {
+        let t = tlas.closest_hit(ray).map_or(1.0, |hit| hit.t);
+        points.extend([0.0, 0.5, 1.0, 1.25].map(|part| at(ray, part * t)));
+    }
+    let (mut inside, mut signed) = (vec![false; points.len()], vec![0.0; points.len()]);
+    tiled.try_contains_placed(&points, &mut inside).unwrap();
+    tiled.try_signed_distances_placed(&points, &mut signed).unwrap();
+    assert!(inside.iter().any(|x| *x) && signed.iter().any(|x| *x < 0.0));
+    for ((&point, inside), signed) in points.iter().zip(inside).zip(signed) {
+        assert_eq!(inside, tlas.contains(point), "{point:?}");
+        assert_eq!(signed.to_bits(), tlas.signed_distance(point).to_bits(), "{point:?}");
+    }
+    for (k, max_distance) in [(1, f64::INFINITY), (6, f64::INFINITY), (3, 0.5), (0, 1.0), (1, -1.0), (1, f64::NAN)] {
+        let mut nearest = vec![vec![]; points.len()];
+        tiled.try_nearest_surfaces(&points, k, max_distance, &mut nearest).unwrap();
+        for (&point, found) in points.iter().zip(&nearest) {
+            let mut want = vec![];
+            tlas.nearest_points(point, k, max_distance, &mut want);
+            assert_eq!(*found, want, "{point:?} {k} {max_distance}");
         }
     }
 }
