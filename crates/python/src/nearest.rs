@@ -208,12 +208,13 @@ pub(crate) fn of_lists(
     (points, found): (&[[f64; 3]], &[Vec<Found>]),
     origin: [f64; 3],
     wanted: &Wanted,
-    is_near: bool,
+    (has_instances, is_near): (bool, bool),
     shape: &[usize],
 ) -> PyResult<Nearest> {
     let k = wanted.k.unwrap_or(1);
     let n = points.len().saturating_mul(k);
     let (mut distance, mut primitive) = (filled(n, f64::INFINITY)?, filled(n, -1)?);
+    let mut instance = filled(if has_instances { n } else { 0 }, -1)?;
     let mut position = filled(n.saturating_mul(3), f64::NAN)?;
     for (i, (point, found)) in points.iter().zip(found).enumerate() {
         if point.iter().any(|x| x.is_nan()) {
@@ -222,6 +223,9 @@ pub(crate) fn of_lists(
         for (row, found) in (i * k..(i + 1) * k).zip(found) {
             distance[row] = found.distance;
             primitive[row] = i32::try_from(found.primitive).unwrap_or(i32::MAX);
+            if let Some(instance) = instance.get_mut(row) {
+                *instance = i32::try_from(found.instance).unwrap_or(i32::MAX);
+            }
             position[3 * row..3 * row + 3].copy_from_slice(&[0, 1, 2].map(|axis| found.position[axis] + origin[axis]));
         }
     }
@@ -229,7 +233,7 @@ pub(crate) fn of_lists(
     Ok(Nearest {
         distance: distances(py, distance, is_near, shape, inner)?,
         primitive: shaped(py, primitive, shape, inner)?,
-        instance: None,
+        instance: if has_instances { Some(shaped(py, instance, shape, inner)?) } else { None },
         position: shaped(py, position, shape, &[inner, &[3]].concat())?,
     })
 }

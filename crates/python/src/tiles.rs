@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use canted::distance::NearestPoint;
+use canted::distance::{NearestPoint, NearestSurface};
 use canted::file::tiles::{OpenOptions, TileError, TileErrorKind, TileWriter, TiledBvh, WriteOptions};
 use canted::kernel::HitLists;
-use canted::{Config, Hit, Ray, Side};
+use canted::{Config, Hit, InstanceId, PrimId, Ray, Side};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -101,6 +101,8 @@ impl Tiles {
     }
 
     /// The numbers of a hit: of one mesh those of the mesh, else those of the whole.
+    ///
+    /// Columns hold 32-bit integers, as those of Bvh: `check_numbers` refuses stores with more.
     fn numbers(&self, hit: &Hit) -> (u64, u32) {
         if self.has_instances() { self.bvh.in_whole(hit.instance, hit.primitive) } else { (hit.primitive.0.into(), 0) }
     }
@@ -167,8 +169,32 @@ impl Tiles {
     ) -> PyResult<Nearest> {
         let (points, origin) = (Table::of_any_shape(points, "points")?, self.origin(origin)?);
         let all = points.rows(origin).all_exact()?;
-        let found = self.nearest_triangles(call, &all, wanted)?;
-        nearest::of_lists(call.py, (&all, &found), origin, wanted, self.bvh.is_near(), &points.shape)
+        let found = match self.has_instances() {
+            true => self.nearest_surfaces(call, &all, wanted)?,
+            false => self.nearest_triangles(call, &all, wanted)?,
+        };
+        let flags = (self.has_instances(), self.bvh.is_near());
+        nearest::of_lists(call.py, (&all, &found), origin, wanted, flags, &points.shape)
+    }
+
+    /// The same of a store with placements.
+    fn nearest_surfaces(&self, call: &Call<'_>, points: &[[f64; 3]], wanted: &Wanted) -> PyResult<Vec<Vec<Found>>> {
+        let items: Vec<_> = points.iter().map(|&point| (point, wanted.k.unwrap_or(1), wanted.max_distance)).collect();
+        let answer = |bvh: &TiledBvh, items: &[([f64; 3], usize, f64)]| {
+            let points: Vec<[f64; 3]> = items.iter().map(|item| item.0).collect();
+            let mut near = vec![vec![]; items.len()];
+            let (k, max_distance) = items.first().map_or((1, 0.0), |item| (item.1, item.2));
+            bvh.try_nearest_surfaces(&points, k, max_distance, &mut near)?;
+            let in_whole = |found: NearestSurface| {
+                let (number, instance) = bvh.in_whole(found.instance, found.primitive);
+                let primitive = PrimId(u32::try_from(number).unwrap_or(u32::MAX));
+                Found::from(NearestSurface { primitive, instance: InstanceId(instance), ..found })
+            };
+            Ok(near.into_iter().map(|near| near.into_iter().map(in_whole).collect()).collect())
+        };
+        let mut found = vec![];
+        self.batches(call, &items, answer, |part: Vec<Vec<Found>>| found.extend(part))?;
+        Ok(found)
     }
 
     /// The nearest triangles to each point, which is relative to the origin.
@@ -200,6 +226,18 @@ impl Tiles {
     }
 }
 
+/// An error where numbers of triangles do not fit into the columns of hits.
+fn check_numbers(bvh: &TiledBvh) -> PyResult<()> {
+    let n = bvh.n_primitives();
+    if n > i32::MAX as u64 {
+        let folder = bvh.folder().display();
+        return Err(invalid(format!(
+            "{folder}: {n} triangles; hits in Python number at most 2^31 - 1, `canted cast` more"
+        )));
+    }
+    Ok(())
+}
+
 /// Only parity is answered by tiles.
 fn check_mode(mode: Option<&str>) -> PyResult<()> {
     match names::inside(mode)? {
@@ -216,6 +254,7 @@ impl Tiles {
         let memory = memory_of(memory)?;
         let (folder, options) = (path.clone(), OpenOptions { memory, ..OpenOptions::default() });
         let bvh = Call::plain(py)?.run(move || TiledBvh::open(folder, options))?.map_err(raised)?;
+        check_numbers(&bvh)?;
         Ok(Self { bvh: Arc::new(bvh), path, memory })
     }
 
@@ -420,6 +459,15 @@ impl Tiles {
         check_mode(mode)?;
         let (call, points) = (Call::new(py, threads, progress)?, Table::of_any_shape(points, "points")?);
         let mut inside = vec![];
+        if self.has_instances() {
+            let answer = |bvh: &TiledBvh, points: &[[f64; 3]]| {
+                let mut inside = vec![false; points.len()];
+                bvh.try_contains_placed(points, &mut inside).map(|()| inside)
+            };
+            let all = points.rows(self.origin(origin)?).all_exact()?;
+            self.batches(&call, &all, answer, |part| inside.extend(part))?;
+            return shaped(py, inside, &points.shape, &[]);
+        }
         let answer = |bvh: &TiledBvh, points: &[[f32; 3]]| {
             let mut inside = vec![false; points.len()];
             bvh.try_contains(points, &mut inside).map(|()| inside)
@@ -483,6 +531,14 @@ impl Tiles {
             bvh.try_signed_distances(points, &mut signed).map(|()| signed)
         };
         let all = points.rows(self.origin(origin)?).all_exact()?;
+        if self.has_instances() {
+            let answer = |bvh: &TiledBvh, points: &[[f64; 3]]| {
+                let mut signed = vec![0.0; points.len()];
+                bvh.try_signed_distances_placed(points, &mut signed).map(|()| signed)
+            };
+            self.batches(&call, &all, answer, |part| signed.extend(part))?;
+            return distances(py, signed, self.bvh.is_near(), &points.shape, &[]);
+        }
         self.batches(&call, &nearest::rounded(&all), answer, |part| signed.extend(part.into_iter().map(f64::from)))?;
         if self.bvh.is_near() {
             // Their sizes by the points that are not rounded.

@@ -23,3 +23,13 @@ def answers():
     target = ROOT / "target" / "answers"
     subprocess.run([*command, "--target-dir", str(target)], cwd=ROOT, check=True)
     return target / "release" / "examples" / "bindings"
+
+
+def program():
+    """The program canted: CANTED_PROGRAM, else the last one that cargo built."""
+    given = os.environ.get("CANTED_PROGRAM")
+    found = [ROOT / "target" / profile / "canted" for profile in ("release", "debug")]
+    found = [Path(given)] if given else sorted((p for p in found if p.is_file()), key=lambda p: -p.stat().st_mtime)
+    if not found:
+        pytest.skip("the program canted is not built (set CANTED_PROGRAM)")
+    return found[0]

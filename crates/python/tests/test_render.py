@@ -14,6 +14,7 @@ import canted
 import meshes
 import numpy as np
 import pytest
+from conftest import program
 
 canted_render = pytest.importorskip("canted_render")
 
@@ -76,16 +77,6 @@ def exr_channels(data):
                 start = (row * len(channels) + i) * width * 4
                 out[name][y + row] = np.frombuffer(block[start : start + width * 4], kind)
     return out
-
-
-def program():
-    """The program canted: CANTED_PROGRAM, else the last one that cargo built."""
-    given = os.environ.get("CANTED_PROGRAM")
-    found = [ROOT / "target" / profile / "canted" for profile in ("release", "debug")]
-    found = [Path(given)] if given else sorted((p for p in found if p.is_file()), key=lambda p: -p.stat().st_mtime)
-    if not found:
-        pytest.skip("the program canted is not built (set CANTED_PROGRAM)")
-    return found[0]
 
 
 SCENE = """

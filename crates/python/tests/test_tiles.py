@@ -1,9 +1,11 @@
 """Tiles against Bvh, bit for bit."""
 
 import pickle
+import subprocess
 
 import numpy as np
 import pytest
+from conftest import program
 
 import canted
 
@@ -143,3 +145,32 @@ def test_errors_name_what_is_wrong(tmp_path):
                 canted.Tiles(store)
         (store / name).write_bytes(whole)
     tiles.check()
+
+
+def test_placements_answer_as_a_tlas(tmp_path):
+    """A scene with a mesh in several places, which `canted tiles` writes as placements."""
+    vertices, triangles = soup(400)
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()] + [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
+    (tmp_path / "soup.obj").write_text("\n".join(lines))
+    places = [(0.0, 0.5, 0.0), (4.0, 0.5, 0.0), (8.0, -1.0, 0.25), (0.0, 0.5, 0.0), (30.0, 0.0, 0.0)]
+    scene = "[[assets]]\nname = 'a'\nfile = 'soup.obj'\n"
+    scene += "".join(f"[[instances]]\nasset = 'a'\ntranslation = {list(place)}\n" for place in places)
+    (tmp_path / "scene.toml").write_text(scene)
+    command = [program(), "tiles", tmp_path / "scene.toml", "-o", tmp_path / "store", "--tile-triangles", "70"]
+    subprocess.run(command, check=True, capture_output=True)
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, 3] = places
+    tlas = canted.Tlas([canted.Bvh(vertices, triangles)], [(0, matrix) for matrix in matrices])
+    for memory in ("2G", 1):
+        tiles = canted.Tiles(tmp_path / "store", memory=memory)
+        origins, directions = rays()
+        for name in ("closest_hit", "all_hits", "crossings"):
+            fields = ("ray", "t", "primitive", "instance", "u", "v", "entering")
+            assert_same(getattr(tiles, name)(origins, directions), getattr(tlas, name)(origins, directions), fields)
+        for mode in (None, "parity"):
+            np.testing.assert_array_equal(tiles.contains(origins, mode), tlas.contains(origins, "parity"))
+        assert tiles.contains(origins).any()
+        np.testing.assert_array_equal(tiles.signed_distance(origins), tlas.signed_distance(origins, "parity"))
+        fields = ("distance", "primitive", "instance", "position")
+        assert_same(tiles.nearest(origins, 2.0), tlas.nearest(origins, 2.0), fields)
+        assert_same(tiles.k_nearest(origins, 3), tlas.k_nearest(origins, 3), fields)

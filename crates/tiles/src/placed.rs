@@ -124,7 +124,7 @@ impl TiledBvh {
         for (points, inside) in points.chunks(BATCH).zip(inside.chunks_mut(BATCH)) {
             let item = |(i, &point): (usize, &[f64; 3])| {
                 let mut around = vec![];
-                placements.contains_with(point, |mesh, _, point| {
+                let _ = placements.contains_with(point, |mesh, _, point| {
                     around.push((mesh, point));
                     false
                 });
