@@ -36,14 +36,18 @@
 //! then it is in `DIR.partial`, where a writer that was killed leaves finished tiles for the next one with the same input and options.
 //!
 //! # Answers
-//! [`TiledBvh`] reads tiles when rays need them, and forgets those that were least recently used beyond a memory limit. A hit does not depend
+//! [`TiledBvh`] maps tiles when rays need them, and forgets those that were least recently used beyond a memory limit. A hit does not depend
 //! on the BVH, so the least `t`, then the lowest number of all tiles is that of one BVH over everything, bit for bit. A ray visits tiles by
 //! where it enters their boxes, padded as `canted_tlas` pads those of instances, and stops where no later tile can have a closer hit. Slices of rays wait at
 //! the tiles that they need next, so that a tile is read few times (Pharr et al. 1997).
 //!
 //! # Limits
-//! 2^32 - 1 triangles in a mesh. The memory limit is that of tiles that are held; at least one is, whatever the limit, and reading a tile takes
-//! up to three times its size for a moment.
+//! 2^32 - 1 triangles in a mesh. The memory limit is that of tiles that are held; at least one is, whatever the limit, and reading a tile for the
+//! first time takes up to three times its size for a moment.
+//!
+//! Files of a store that is open must not be written. A tile is compared with its checksum when it is first mapped, and what tells whether
+//! its files were written since, before each batch of rays there. What is written or truncated while rays read it is not found:
+//! see [`TriangleBvh::map`](canted_wide::TriangleBvh::map).
 #![forbid(unsafe_code)]
 
 mod broad;

@@ -12,7 +12,7 @@ fn unit(random: &mut Random) -> f64 {
 /// A soup as OBJ and as binary STL, and rays.
 fn folder() -> Folder {
     let (folder, mut random) = (Folder::new(), Random(5));
-    let (mut obj, mut stl) = (String::new(), vec![0; 80]);
+    let (mut obj, mut stl, mut vertices, mut faces) = (String::new(), vec![0; 80], vec![], vec![]);
     stl.extend(500_u32.to_le_bytes());
     for i in 0..500_usize {
         let center = [0; 3].map(|_| 10.0 * unit(&mut random) as f32);
@@ -21,6 +21,12 @@ fn folder() -> Folder {
             let [x, y, z] = center.map(|c| c + unit(&mut random) as f32);
             writeln!(obj, "v {x} {y} {z}").unwrap();
             stl.extend([x, y, z].iter().flat_map(|x| x.to_le_bytes()));
+            vertices.extend([x, y, z].iter().flat_map(|x| x.to_be_bytes()));
+        }
+        // A triangle, and a face with a vertex of the one before.
+        for face in [&[3 * i, 3 * i + 1, 3 * i + 2][..], &[3 * i, 3 * i + 1, 3 * i + 2, (3 * i).saturating_sub(1)]] {
+            faces.push(face.len() as u8);
+            faces.extend(face.iter().flat_map(|&index| (index as u32).to_be_bytes()));
         }
         stl.extend([0; 2]);
         writeln!(obj, "f {} {} {}", 3 * i + 1, 3 * i + 2, 3 * i + 3).unwrap();
@@ -36,6 +42,9 @@ fn folder() -> Folder {
     }
     folder.write("soup.obj", obj);
     folder.write("soup.stl", stl);
+    let header = "ply\nformat binary_big_endian 1.0\nelement vertex 1500\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1000\nproperty list uchar int vertex_indices\nend_header\n";
+    folder.write("soup.ply", [header.as_bytes(), &vertices, &faces].concat());
     folder.write("small.obj", SMALL);
     folder.write("rays.csv", rays);
     // Two meshes many times: a scene with a top level, in which numbers are those of the files.
@@ -55,8 +64,14 @@ fn folder() -> Folder {
 #[test]
 fn a_store_answers_as_its_scene() {
     let folder = folder();
-    for (scene, tile) in [("soup.obj", 500), ("soup.obj", 60), ("soup.stl", 7), ("small.obj", 1), ("placed.toml", 100)]
-    {
+    for (scene, tile) in [
+        ("soup.obj", 500),
+        ("soup.obj", 60),
+        ("soup.stl", 7),
+        ("soup.ply", 100),
+        ("small.obj", 1),
+        ("placed.toml", 100),
+    ] {
         folder.run(&format!("tiles {scene} -o store --tile-triangles {tile}")).done();
         for options in ["", "--occluded"] {
             folder.run(&format!("cast {scene} --rays rays.csv --hits scene.csv {options}")).done();
@@ -116,4 +131,30 @@ fn bad_stores_and_options_are_refused() {
     folder.run("tiles soup.obj -o soup.obj").refused(&["soup.obj"]);
     folder.run("cast soup.obj --rays rays.csv --hits hits.csv --memory 1G").refused(&["--memory", "canted tiles"]);
     assert!(!folder.names().iter().any(|name| name.contains("other") || name == "hits.csv"), "{:?}", folder.names());
+}
+
+/// A limit of the size of files stands for a full disk: of the spool, then of a tile. The same command goes on when there is room.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_named_and_the_command_goes_on() {
+    let folder = folder();
+    folder.run("tiles soup.obj -o whole --tile-triangles 500").done();
+    for kib in [8, 20] {
+        let script = format!("trap '' XFSZ; ulimit -f {kib}; exec \"$0\" tiles soup.obj -o store --tile-triangles 500");
+        let mut shell = std::process::Command::new("bash");
+        shell.current_dir(folder.path(".")).args(["-c", &script, env!("CARGO_BIN_EXE_canted")]);
+        let Ok(output) = shell.output() else { return println!("skipped a full disk: there is no bash") };
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{errors}");
+        assert!(errors.contains("store.partial") && errors.contains("too large"), "{errors}");
+        assert!(!folder.names().contains(&"store".to_owned()));
+    }
+    folder.run("tiles soup.obj -o store --tile-triangles 500").done();
+    for name in ["000000.bvh", "000000.numbers", "manifest.json"] {
+        assert_eq!(
+            fs::read(folder.path("store").join(name)).unwrap(),
+            fs::read(folder.path("whole").join(name)).unwrap()
+        );
+    }
+    assert!(!folder.names().iter().any(|name| name.contains("partial")), "{:?}", folder.names());
 }

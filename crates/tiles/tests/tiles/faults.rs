@@ -111,6 +111,35 @@ fn no_flipped_bit_changes_an_answer() {
     assert!(n_found > 150, "{n_found}");
 }
 
+/// A tile that is held is compared with its files before rays are traced there.
+#[test]
+fn a_tile_that_is_written_while_the_store_is_open_is_named() {
+    let mesh = soup(1, 300);
+    let rays = rays(&mesh, 2_000);
+    for (name, memory) in [("000003.bvh", 1 << 30), ("000003.numbers", 1 << 30), ("000003.bvh", 1)] {
+        let store = with_store(|_| ());
+        let (path, bvh) =
+            (store.path().join(name), TiledBvh::open(store.path(), OpenOptions { memory, ..LATER }).unwrap());
+        let (mut before, mut hits) = (vec![None; rays.len()], vec![None; rays.len()]);
+        bvh.try_closest_hits(&rays, &mut before).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        // Systems count time in ticks of some milliseconds.
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        // The same content, under another name first: what is mapped stays as it is.
+        fs::write(store.path().join("new"), &bytes).unwrap();
+        fs::rename(store.path().join("new"), &path).unwrap();
+        match bvh.try_closest_hits(&rays, &mut hits) {
+            Err(error) => {
+                assert!(memory > 1, "{error}");
+                assert_eq!(error.path(), Some(&*store.path().join("000003.bvh")));
+                assert!(error.to_string().contains("written while the store is open"), "{error}");
+            }
+            // A tile that was not held is checked again.
+            Ok(()) => assert!(memory == 1 && hits == before),
+        }
+    }
+}
+
 #[test]
 fn folders_that_are_no_store_are_named() {
     let folder = tempfile::tempdir().unwrap();
