@@ -140,7 +140,6 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
             let (seconds, expected) = first.get_or_insert((cpu, hits.clone()));
             anyhow::ensure!(*expected == hits, "{name}: the hits are others");
             writeln!(out, "| {kind} | {name} | {wall:.2} | {cpu:.2} | {:.2} | {reads} |", cpu / *seconds)?;
-            eprintln!("{kind}, {name}: {wall:.2} s, {cpu:.2} s of the processor, {reads} tiles read");
             Ok(())
         };
         if let Some(bvh) = &single {

@@ -6,7 +6,6 @@ use canted_trace::{Hit, InstanceId, Intersect, Query, Ray, ScaledRay, Side, Tria
 use canted_wide::WideBvh;
 
 use crate::manifest::Manifest;
-use crate::schedule::Memory;
 
 /// The bounds of a tile, which answer as its BVH would if it were hit where a ray enters the padded bounds.
 ///
@@ -78,6 +77,13 @@ impl Intersect for TileBounds {
 /// A tile that a ray may hit: from which `t` on, and its number. In the order of visits.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(crate) struct Entry(pub(crate) f32, pub(crate) u32);
+
+/// Memory to use again.
+#[derive(Default)]
+pub(crate) struct Memory {
+    pub(crate) hits: Vec<Hit>,
+    pub(crate) entries: Vec<Entry>,
+}
 
 /// How many tiles a ray knows ahead: finding them takes longer than tracing one of them.
 const N_AHEAD: usize = 8;

@@ -4,12 +4,12 @@ use canted_tlas::{NearestSurface, NearestSurfaces};
 use canted_trace::Ray;
 use canted_wide::Place;
 
-use crate::broad::Ahead;
+use crate::broad::{Ahead, Memory};
 use crate::bvh::TiledBvh;
 use crate::cache::Tile;
 use crate::error::TileError;
 use crate::points::{BATCH, add};
-use crate::schedule::{Item, Memory};
+use crate::schedule::Item;
 
 /// A point on its way to the nearest triangles.
 struct Near {

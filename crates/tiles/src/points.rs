@@ -4,11 +4,11 @@ use canted_obb::PrimId;
 use canted_trace::Ray;
 use canted_wide::{ClosestPoint, DistanceShape as _, Found, NearestList, NearestPoint, Place};
 
-use crate::broad::Ahead;
+use crate::broad::{Ahead, Memory};
 use crate::bvh::TiledBvh;
 use crate::cache::Tile;
 use crate::error::TileError;
-use crate::schedule::{Item, Memory};
+use crate::schedule::Item;
 
 /// Points that wait at once.
 pub(crate) const BATCH: usize = 1 << 20;

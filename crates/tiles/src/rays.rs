@@ -8,11 +8,11 @@ use canted_trace::{
 };
 use canted_wide::CrossingParts;
 
-use crate::broad::{Ahead, Entry};
+use crate::broad::{Ahead, Entry, Memory};
 use crate::bvh::TiledBvh;
 use crate::cache::Tile;
 use crate::error::TileError;
-use crate::schedule::{Item, Memory};
+use crate::schedule::Item;
 
 /// Rays that wait at once; more are traced one batch after another, so that their memory is bounded.
 const BATCH: usize = 1 << 20;

@@ -2,6 +2,7 @@
 
 use canted_lbvh::par;
 
+use crate::broad::Memory;
 use crate::bvh::TiledBvh;
 use crate::cache::Tile;
 use crate::error::TileError;
@@ -13,13 +14,6 @@ const CHUNK: usize = 1024;
 pub(crate) trait Item: Send {
     /// The tile that it needs next, if it needs one.
     fn next(&mut self, bvh: &TiledBvh, memory: &mut Memory) -> Option<u32>;
-}
-
-/// Memory to use again.
-#[derive(Default)]
-pub(crate) struct Memory {
-    pub(crate) hits: Vec<canted_trace::Hit>,
-    pub(crate) entries: Vec<crate::broad::Entry>,
 }
 
 /// The places of the items that wait at each tile.

@@ -2,6 +2,8 @@
 
 use std::{fmt::Write as _, fs};
 
+use canted_fixtures::skip;
+
 use crate::support::{Folder, Random, SMALL};
 
 /// A number from 0 to 1.
@@ -143,7 +145,10 @@ fn a_full_disk_is_named_and_the_command_goes_on() {
         let script = format!("trap '' XFSZ; ulimit -f {kib}; exec \"$0\" tiles soup.obj -o store --tile-triangles 500");
         let mut shell = std::process::Command::new("bash");
         shell.current_dir(folder.path(".")).args(["-c", &script, env!("CARGO_BIN_EXE_canted")]);
-        let Ok(output) = shell.output() else { return println!("skipped a full disk: there is no bash") };
+        let Ok(output) = shell.output() else {
+            skip::<()>("a_full_disk_is_named_and_the_command_goes_on", "there is no bash");
+            return;
+        };
         let errors = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{errors}");
         assert!(errors.contains("store.partial") && errors.contains("too large"), "{errors}");

@@ -10,6 +10,12 @@ use super::error::ReadError;
 use super::polygon::{self, Cut};
 use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
+/// Triangles of a part, of a file that is read in parts.
+pub(crate) const PART: usize = 1 << 14;
+
+/// Takes the triangles of a part.
+pub(crate) type TakeTriangles<'a, E> = dyn FnMut(&[[[f32; 3]; 3]]) -> Result<(), E> + 'a;
+
 /// Counts of kept, degenerate and dropped elements.
 #[derive(Debug, Default)]
 pub(crate) struct MeshChecks {

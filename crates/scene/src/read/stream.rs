@@ -7,14 +7,12 @@ use std::io::{BufReader, Read as _};
 use std::path::Path;
 
 use super::error::ReadError;
+use super::mesh::{PART, TakeTriangles};
 use super::ply;
 
 /// Bytes before the first triangle of a binary STL file, and of a triangle.
 const START_BYTES: usize = 84;
 const TRIANGLE_BYTES: usize = 50;
-
-/// Triangles of a part.
-pub(super) const PART: usize = 1 << 14;
 
 /// Calls `visit` with the triangles of a file in order, in parts, without those that have a vertex that is not finite, as
 /// [`read`](crate::read) skips them. Returns warnings; `None` without a call where the file cannot be read in parts. About `memory` bytes
@@ -35,10 +33,7 @@ pub fn stream_triangles<E: From<ReadError>>(
     }
 }
 
-fn binary_stl<E: From<ReadError>>(
-    path: &Path,
-    visit: &mut dyn FnMut(&[[[f32; 3]; 3]]) -> Result<(), E>,
-) -> Result<Option<Vec<String>>, E> {
+fn binary_stl<E: From<ReadError>>(path: &Path, visit: &mut TakeTriangles<'_, E>) -> Result<Option<Vec<String>>, E> {
     // What cannot be opened is reported by the reader of whole files.
     let Ok(file) = File::open(path) else { return Ok(None) };
     let Some(n_bytes) = file.metadata().ok().filter(|found| found.is_file()).map(|found| found.len()) else {

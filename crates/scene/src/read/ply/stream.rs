@@ -11,8 +11,7 @@ use std::path::Path;
 use super::body::{Body, Element, Encoding, Kind, Scalar, header};
 use super::faces;
 use crate::read::error::ReadError;
-use crate::read::mesh::MeshChecks;
-use crate::read::stream::PART;
+use crate::read::mesh::{MeshChecks, PART, TakeTriangles};
 
 /// Most bytes of a header.
 const MAX_HEADER: usize = 1 << 20;
@@ -27,7 +26,7 @@ const PAGE: u64 = 1 << 10;
 pub(in crate::read) fn triangles<E: From<ReadError>>(
     path: &Path,
     memory: u64,
-    visit: &mut dyn FnMut(&[[[f32; 3]; 3]]) -> Result<(), E>,
+    visit: &mut TakeTriangles<'_, E>,
 ) -> Result<Option<Vec<String>>, E> {
     let Ok(Some((layout, start))) = File::open(path).and_then(|file| read_header(path, file)) else { return Ok(None) };
     if layout.n_faces == 0 {
@@ -248,8 +247,10 @@ mod tests {
         bytes
     }
 
+    type Streamed = (Vec<[[f32; 3]; 3]>, Vec<String>);
+
     /// All triangles, and the warnings; about `memory` bytes hold vertices.
-    fn streamed(path: &Path, memory: u64) -> Option<(Vec<[[f32; 3]; 3]>, Vec<String>)> {
+    fn streamed(path: &Path, memory: u64) -> Option<Streamed> {
         let mut all = vec![];
         let warnings = crate::stream_triangles::<ReadError>(path, memory, |triangles| {
             all.extend_from_slice(triangles);
