@@ -43,6 +43,9 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = true)]
 fn _canted(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(geometry::with_simd, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::snapshot, module)?)?;
+    module.add_function(wrap_pyfunction!(geometry::is_same, module)?)?;
     module.add_class::<bvh::Bvh>()?;
     module.add_class::<tlas::Tlas>()?;
     module.add_class::<tiles::Tiles>()?;

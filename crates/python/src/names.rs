@@ -1,5 +1,6 @@
-//! Names of presets, triangle tests and kinds of inside.
+//! Names of presets, triangle tests, instructions and kinds of inside.
 
+use canted::build::SimdPath;
 use canted::{Preset, TriangleTest};
 use pyo3::prelude::*;
 
@@ -14,6 +15,13 @@ pub(crate) fn triangle_test(name: &str) -> PyResult<TriangleTest> {
 pub(crate) fn preset(name: &str) -> PyResult<Preset> {
     let known = Preset::ALL.into_iter().find(|preset| preset.name() == name);
     known.ok_or_else(|| unknown("preset", name, &Preset::ALL.map(Preset::name)))
+}
+
+/// Instructions that this machine has.
+pub(crate) fn simd(name: &str) -> PyResult<SimdPath> {
+    let available: Vec<_> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
+    let names: Vec<_> = available.iter().map(|path| path.name()).collect();
+    available.into_iter().find(|path| path.name() == name).ok_or_else(|| unknown("simd", name, &names))
 }
 
 /// What is inside of a mesh.
