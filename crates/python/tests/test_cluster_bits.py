@@ -1,0 +1,180 @@
+"""Queries on Dask over tiles: the bits of one BVH, for any number of tiles and workers and for any chunks."""
+
+import pickle
+import subprocess
+
+import numpy as np
+import pytest
+
+import canted
+import meshes
+from test_tiles import rays, soup
+
+distributed = pytest.importorskip("distributed", reason="distributed is not installed")
+cd = pytest.importorskip("canted.distributed")
+
+import clusters
+from canted.distributed.worker import Answer
+
+# Divided into 1, 2, 7 and 64 tiles.
+N_TRIANGLES = 64 * 30
+HITS = ("ray", "t", "primitive", "u", "v", "entering", "position")
+NEAR = ("distance", "primitive", "position")
+
+
+@pytest.fixture(scope="module")
+def client():
+    with clusters.local(3) as client:
+        yield client
+
+
+def grid():
+    """A closed box of 8 x 14 cells, drawn four times, and rays at its corners and edges: hits of equal t are in several tiles."""
+    x, y = np.meshgrid(np.arange(9.0), np.arange(15.0), indexing="ij")
+    sheets = [np.stack([x, y, np.full_like(x, z)], -1).reshape(-1, 3) for z in (0.0, 2.0)]
+    a = (np.arange(8)[:, None] * 15 + np.arange(14)).reshape(-1)
+    sheet = np.concatenate([np.stack([a, a + 15, a + 16], -1), np.stack([a, a + 16, a + 1], -1)])
+    vertices = np.concatenate(sheets * 4).astype(np.float32)
+    triangles = np.concatenate([sheet[:, ::step] + 135 * i for i, step in enumerate([-1, 1] * 4)])
+    random = np.random.default_rng(5)
+    origins = np.stack([random.integers(0, 17, 2000) / 2, random.integers(0, 29, 2000) / 2, random.choice([-3.0, 1.0, 5.0], 2000)], -1)
+    directions = np.zeros((2000, 3))
+    directions[:, 2] = np.where(origins[:, 2] > 0, -1, 1)
+    return vertices, triangles, origins, directions
+
+
+def ties():
+    vertices, triangles = soup(N_TRIANGLES)
+    return (vertices, triangles, *(array.reshape(-1, 3) for array in rays()))
+
+
+def ugly():
+    """Needles, flats, duplicates, and coordinates of 100,000."""
+    return (*meshes.soup(N_TRIANGLES, scale=3.0, offset=1e5), *meshes.rays(2000, scale=3.0, offset=1e5))
+
+
+def far():
+    """float64 coordinates that float32 does not hold: with an origin."""
+    vertices, triangles, origins, directions = ties()
+    shift = np.array([4e6 + 0.3, 5e5, 100.0])
+    return vertices.astype(np.float64) + shift, triangles, origins + shift, directions
+
+
+def answer(module, bvh, query, origins, directions, **options):
+    if query in ("contains", "signed_distance"):
+        return getattr(module, query)(bvh, origins, "parity", **options)
+    if query == "nearest":
+        return module.nearest(bvh, origins, 2.5, **options)
+    return getattr(module, query)(bvh, origins, directions, 0.0, 9.0, **options)
+
+
+QUERIES = {
+    "closest_hit": HITS,
+    "occluded": None,
+    "all_hits": HITS,
+    "crossings": HITS,
+    "contains": None,
+    "nearest": NEAR,
+    "signed_distance": None,
+}
+
+
+@pytest.mark.parametrize("make", [ties, ugly, far, grid])
+def test_answers_do_not_depend_on_tiles_workers_and_chunks(client, tmp_path, make):
+    vertices, triangles, origins, directions = make()
+    bvh = canted.Bvh(vertices, triangles)
+    expected = {query: answer(canted.Bvh, bvh, query, origins, directions) for query in QUERIES}
+    assert expected["occluded"].sum() > 50, "rays hit"
+    workers = list(clusters.pids(client))
+    chunks = iter([2000, 701, 433, 331, 1999, 419, 1013, 391, 641, 507, 1500, 373])
+    for n_tiles in (1, 2, 7, 64):
+        store = tmp_path / str(n_tiles)
+        tiles = canted.Tiles.build(vertices, triangles, store, tile_triangles=-(-len(triangles) // n_tiles))
+        assert tiles.stats()["tiles"] == n_tiles
+        for n_workers in (1, 2, 3):
+            options = {"chunk": next(chunks)}
+            found = {query: answer(cd, store, query, origins, directions, **options) for query in QUERIES}
+            # All fields once for each store: they are tasks, too.
+            fields = {query: names and names[: None if n_workers == 2 else 3] for query, names in QUERIES.items()}
+            lazy = {(query, name): getattr(found[query], name) if name else found[query] for query, names in fields.items() for name in names or [None]}
+            values = client.gather(client.compute(list(lazy.values()), workers=workers[:n_workers]))
+            for (query, name), value in zip(lazy, values):
+                local = getattr(expected[query], name) if name else expected[query]
+                np.testing.assert_array_equal(value, local, err_msg=f"{query}.{name}, {n_tiles} tiles, {n_workers} workers, {options}")
+                assert value.dtype == local.dtype
+
+
+def test_the_lowest_number_wins_across_tiles(tmp_path):
+    """By an oracle: of triangles at equal t, the lowest number is hit, wherever the tiles part them."""
+    vertices, triangles, origins, directions = grid()
+    store = tmp_path / "store"
+    canted.Tiles.build(vertices, triangles, store, tile_triangles=14)
+    first = cd.closest_hit(store, origins, directions, chunk=199).compute("t", "primitive")
+    every = cd.all_hits(store, origins, directions, chunk=301).compute("ray", "t", "primitive")
+    hit = first["primitive"] >= 0
+    same_t = every["t"] == first["t"][every["ray"]]
+    lowest = np.full(len(origins), 1 << 30)
+    np.minimum.at(lowest, every["ray"][same_t], every["primitive"][same_t])
+    np.testing.assert_array_equal(first["primitive"][hit], lowest[hit])
+    n_ties = np.bincount(every["ray"][same_t], minlength=len(origins))
+    assert hit.sum() > 1000 and (n_ties[hit] > 1).mean() > 0.9
+
+
+SCENE = """
+[[assets]]
+name = "soup"
+file = "soup.obj"
+
+[[instances]]
+asset = "soup"
+
+[[instances]]
+asset = "soup"
+translation = [4, 0, 0]
+
+[[instances]]
+asset = "soup"
+axis = [0, 1, 1]
+angle_degrees = 40
+"""
+
+
+def test_instances_on_tiles_are_those_of_a_tlas(client, tmp_path):
+    from test_render import program
+
+    vertices, triangles = soup(300)
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()] + [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
+    (tmp_path / "soup.obj").write_text("\n".join(lines))
+    (tmp_path / "scene.toml").write_text(SCENE)
+    origins, directions = (array.reshape(-1, 3) for array in rays())
+    for tile_triangles in (300, 40):
+        store = tmp_path / f"store{tile_triangles}"
+        subprocess.run([program(), "tiles", tmp_path / "scene.toml", "-o", store, "--tile-triangles", str(tile_triangles)], check=True, capture_output=True)
+        tiles = canted.Tiles(store)
+        for chunk in (2000, 333):
+            for query, names in (("closest_hit", HITS), ("all_hits", HITS)):
+                found = answer(cd, store, query, origins, directions, chunk=chunk)
+                local = answer(canted.Tiles, tiles, query, origins, directions)
+                for name, value in found.compute(*names[:-1], "instance").items():
+                    np.testing.assert_array_equal(value, getattr(local, name), err_msg=name)
+                    assert value.dtype == getattr(local, name).dtype
+                assert set(np.unique(local.instance)) >= {0, 1, 2}
+            np.testing.assert_array_equal(cd.occluded(store, origins, directions, chunk=chunk).compute(), tiles.occluded(origins, directions))
+            with pytest.raises(ValueError, match="require a store of one mesh; this one has 3 placements"):
+                cd.contains(store, origins, chunk=chunk).compute()
+    # An answer that moves to another worker has all fields that it had.
+    answer_of_tiles = Answer(tiles.closest_hit(origins, directions))
+    moved = pickle.loads(pickle.dumps(answer_of_tiles))
+    np.testing.assert_array_equal(moved.field("instance"), tiles.closest_hit(origins, directions).instance)
+    for one in (answer_of_tiles, moved, pickle.loads(pickle.dumps(moved))):
+        with pytest.raises(ValueError, match="this one has 3 placements"):
+            one.field("position")
+    # Those of the first instance are the mesh's own; one BVH of all instances finds the same.
+    matrices = [np.eye(4), np.eye(4), np.eye(4)]
+    matrices[1][0, 3] = 4
+    pair = canted.Tlas([canted.Bvh(vertices, triangles)], [(0, matrix) for matrix in matrices[:2]])
+    hits, of_pair = tiles.closest_hit(origins, directions), pair.closest_hit(origins, directions)
+    common = hits.hit & (hits.instance < 2)
+    assert common.sum() > 150
+    for name in ("t", "u", "v", "instance"):
+        np.testing.assert_array_equal(getattr(hits, name)[common], getattr(of_pair, name)[common])
