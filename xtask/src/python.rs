@@ -29,9 +29,9 @@ const RECORD: &str = "benches/PYTHON.md";
 const PROGRAMS: [&str; 3] = ["python3", "python", "py"];
 const IS_RECENT: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 9))";
 
-/// What the tests need, and peers whose answers some tests record.
+/// What the tests need, peers whose answers some tests record, and what starts workers by Slurm.
 const NEEDED: [&str; 6] = ["pytest", "numpy", "trimesh", "dask", "distributed", "fsspec"];
-const PEERS: [&str; 2] = ["embreex", "rtree"];
+const PEERS: [&str; 3] = ["embreex", "rtree", "dask-jobqueue"];
 
 /// Peers that are measured only: large downloads.
 const MEASURED: [&str; 1] = ["open3d"];
