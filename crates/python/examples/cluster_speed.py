@@ -2,7 +2,7 @@
 
     python cluster_speed.py [RAYS] [ROUNDS] [SPP]
 
-Default: ten million rays, three rounds, pictures of 256 samples per pixel; 0 samples skip pictures. The plain call, the threads of Dask and clusters of one and
+Default: a million rays, one round, no pictures; docs/cluster.md has the numbers of `10000000 3 256`. The plain call, the threads of Dask and clusters of one and
 two workers of one thread answer the same chunks of a million rays, interleaved. Workers have opened the BVH, a file, before. `made` are rays that each chunk
 makes where it is traced; `sent` are NumPy arrays of the client. Prints medians: seconds of processors of all processes, those of the plain call being 1,
 and seconds of the clock; and what the processes of a cluster take when nothing is asked.
@@ -77,7 +77,7 @@ def open_bvh(path):
 
 
 def queries(path, n_chunks, n_rounds, one, two):
-    """The first hits: nearest and farthest of t, so that results stay where they are."""
+    """The first hits: the least and the greatest t, so that results stay where they are."""
     bvh = canted.Bvh(*hills())
     bvh.save(path)
     given = [np.concatenate([rays(i)[k] for i in range(n_chunks)]) for k in range(2)]
@@ -85,7 +85,7 @@ def queries(path, n_chunks, n_rounds, one, two):
     def plain(chunks):
         for origins, directions in chunks:
             t = bvh.closest_hit(origins, directions, threads=1).t
-            t.min(), t[np.isfinite(t)].max()
+            t.min(), np.where(np.isfinite(t), t, 0).max()
 
     def asked(bvh, origins, directions):
         t = cd.closest_hit(bvh, origins, directions, chunk=CHUNK).t
@@ -131,17 +131,17 @@ def pictures(spp, n_rounds, one, two):
     }, n_rounds)  # fmt: skip
 
 
-def main(n_rays=10_000_000, n_rounds=3, spp=256):
+def main(n_rays=1_000_000, n_rounds=1, spp=0):
     """Starts the clusters and prints both tables."""
     with LocalCluster(n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0") as single:
         with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0") as double:
             with Client(single, set_as_default=False) as one, Client(double, set_as_default=False) as two:
                 for name, client in (("one worker", one), ("two workers", two)):
-                    print(f"idle             {name:<22} {measured(lambda: time.sleep(5), client)[0] / 5:8.3f} s of processors a second", flush=True)
+                    print(f"idle             {name:<22} {measured(lambda: time.sleep(2), client)[0] / 2:8.3f} s of processors a second", flush=True)
                 with tempfile.TemporaryDirectory() as folder:
                     queries(folder + "/hills.bvh", n_rays // CHUNK, n_rounds, one, two)
                 if spp > 0:
-                    pictures(spp, 1 if spp > 64 else n_rounds, one, two)
+                    pictures(spp, n_rounds, one, two)
 
 
 if __name__ == "__main__":

@@ -10,10 +10,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{self, NO_ORIGIN, Table};
-use crate::bvh::Bvh;
 use crate::error::{filled, invalid};
 use crate::frame::{self, Near, Origin};
-use crate::names::{self, Inside};
+use crate::names::Inside;
 use crate::work::Call;
 
 /// More triangles than this are built and refitted on a thread of their own, so that Ctrl-C abandons them: fewer take well
@@ -220,24 +219,4 @@ impl fmt::Display for Geometry {
         let (n, kib) = (self.mesh.n_primitives(), self.n_bytes().div_ceil(1024));
         write!(f, "Bvh({n} triangles, {aligned} aligned and {oriented} oriented nodes, {kib} KiB)")
     }
-}
-
-/// The same BVH traced with other instructions of this machine, which give the same bits: for tests.
-#[pyfunction]
-pub(crate) fn with_simd(bvh: &Bvh, name: &str) -> PyResult<Bvh> {
-    let geometry = bvh.geometry();
-    let mesh = TriangleBvh::clone(&geometry.mesh).with_path(names::simd(name)?);
-    Ok(Bvh::of(Geometry { mesh: Arc::new(mesh), ..Geometry::clone(&geometry) }))
-}
-
-/// The same BVH as it is now: a refit of either does not change the other.
-#[pyfunction]
-pub(crate) fn snapshot(bvh: &Bvh) -> Bvh {
-    Bvh::shared(bvh.geometry())
-}
-
-/// Whether both are one BVH in memory.
-#[pyfunction]
-pub(crate) fn is_same(a: &Bvh, b: &Bvh) -> bool {
-    Arc::ptr_eq(&a.geometry(), &b.geometry())
 }

@@ -12,6 +12,7 @@
 //! | `geometry`, `frame` | builds and refits; origins near a mesh |
 //! | `bvh`, `tlas`, `tiles`, `hits`, `nearest` | the classes of the package |
 //! | `bodies` | meshes against meshes, and spheres that move |
+//! | `distributed` | BVHs that workers of Dask get |
 //! | `points` | positions and normals of hits |
 //! | `file` | BVHs as files |
 //!
@@ -22,6 +23,7 @@
 mod arrays;
 mod bodies;
 mod bvh;
+mod distributed;
 mod error;
 mod file;
 mod frame;
@@ -43,9 +45,9 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = true)]
 fn _canted(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_function(wrap_pyfunction!(geometry::with_simd, module)?)?;
-    module.add_function(wrap_pyfunction!(geometry::snapshot, module)?)?;
-    module.add_function(wrap_pyfunction!(geometry::is_same, module)?)?;
+    module.add_function(wrap_pyfunction!(distributed::with_simd, module)?)?;
+    module.add_function(wrap_pyfunction!(distributed::snapshot, module)?)?;
+    module.add_function(wrap_pyfunction!(distributed::is_same, module)?)?;
     module.add_class::<bvh::Bvh>()?;
     module.add_class::<tlas::Tlas>()?;
     module.add_class::<tiles::Tiles>()?;

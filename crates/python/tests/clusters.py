@@ -38,6 +38,7 @@ class Faults(WorkerPlugin):
     def setup(self, worker):
         from canted.distributed.worker import TASKS
 
+        self.start = time.monotonic()
         for name, task in TASKS.items():
             TASKS[name] = self.around(task)
 
@@ -48,7 +49,9 @@ class Faults(WorkerPlugin):
             if (self.folder / f"slow-{os.getpid()}").exists():
                 time.sleep(0.2)
             if self.takes_kill() or (self.folder / "always").exists():
-                threading.Timer(0.03, os.kill, (os.getpid(), signal.SIGKILL)).start()
+                # Not before Dask knows that the process has started: it would give up.
+                delay = max(0.03, 1.0 - (time.monotonic() - self.start))
+                threading.Timer(delay, os.kill, (os.getpid(), signal.SIGKILL)).start()
                 while True:
                     task(*arguments, **options)
             return task(*arguments, **options)

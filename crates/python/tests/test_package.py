@@ -87,7 +87,8 @@ def test_heatmaps_are_png_pictures():
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
 def test_examples_run(name, capsys, monkeypatch, tmp_path):
-    pytest.importorskip("trimesh")
+    for needed in ("trimesh", *(["distributed"] if name.startswith("cluster") else [])):
+        pytest.importorskip(needed, reason=f"{needed} is not installed")
     monkeypatch.syspath_prepend(str(EXAMPLES))
     monkeypatch.chdir(tmp_path)
     start = time.perf_counter()
