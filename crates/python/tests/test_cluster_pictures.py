@@ -1,5 +1,8 @@
 """Pictures on Dask: the bits of one machine; frames, previews, checkpoints and cancelling."""
 
+import sys
+import types
+
 import numpy as np
 import pytest
 
@@ -72,9 +75,6 @@ def test_previews_approach_the_picture(cluster):
 
 
 def test_previews_are_displayed_in_notebooks(cluster, monkeypatch):
-    pytest.importorskip("IPython", reason="IPython is not installed")
-    from IPython import display
-
     shown = []
 
     class Place:
@@ -86,7 +86,10 @@ def test_previews_are_displayed_in_notebooks(cluster, monkeypatch):
         shown.append(picture)
         return Place()
 
-    monkeypatch.setattr(display, "display", displayed)
+    display = types.ModuleType("IPython.display")
+    display.display = displayed
+    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
     cd.render(size=(32, 18), spp=4, parts=3, client=cluster, preview=True)
     assert len(shown) == 3 and all(picture._repr_png_() for picture in shown)
 
