@@ -15,10 +15,10 @@ from distributed.diagnostics.plugin import WorkerPlugin
 
 
 @contextlib.contextmanager
-def local(n_workers):
+def local(n_workers, set_as_default=True):
     """A client of a cluster of processes that listen on the loopback device only."""
     with LocalCluster(n_workers=n_workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1") as cluster:
-        with Client(cluster) as client:
+        with Client(cluster, set_as_default=set_as_default) as client:
             yield client
 
 

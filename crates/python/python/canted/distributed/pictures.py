@@ -146,7 +146,7 @@ def _wait(client, shots, progress, preview):
     try:
         if progress:
             progress(0.0)
-        for n_done, report in enumerate(as_completed(reports), 1):
+        for n_done, report in enumerate(as_completed(reports, loop=client.loop), 1):
             if preview:
                 frame, first, last = origins[report]
                 sums[0][frame] += (last - first) * report.result()

@@ -224,26 +224,26 @@ def _plain(answers, dtype):
 
 
 def _points(bvh, method, points, given, memory, chunk):
-    source, near, _ = _source(bvh, memory)
+    source, near, has_instances = _source(bvh, memory)
     points = _rows(points, "points", chunk)
     if points.ndim == 1:
         points = da.asarray(np.asarray(points)[None])
-    return _answers("ask", [points], points, source, method, {k: v for k, v in given.items() if v is not None}), near
+    return _answers("ask", [points], points, source, method, {k: v for k, v in given.items() if v is not None}), near, has_instances
 
 
 def contains(bvh, points, mode=None, *, origin=None, memory=None, chunk=CHUNK):
     """Whether each point is inside of a mesh or on its surface, as the contains of the BVH: a Dask array of bool. Tiles have the mode "parity" only."""
-    answers, _ = _points(bvh, "contains", points, {"mode": mode, "origin": origin}, memory, chunk)
+    answers, *_ = _points(bvh, "contains", points, {"mode": mode, "origin": origin}, memory, chunk)
     return _plain(answers, np.bool_)
 
 
 def nearest(bvh, points, max_distance=np.inf, *, origin=None, memory=None, chunk=CHUNK):
     """The nearest point of the mesh to each point, as Bvh.nearest: Nearest with Dask arrays."""
-    answers, near = _points(bvh, "nearest", points, {"max_distance": float(max_distance), "origin": origin}, memory, chunk)
-    return Nearest(answers, distance=(near, ()), primitive=(np.int32, ()), instance=(None, ()), position=(np.float64, (3,)))
+    answers, near, has_instances = _points(bvh, "nearest", points, {"max_distance": float(max_distance), "origin": origin}, memory, chunk)
+    return Nearest(answers, distance=(near, ()), primitive=(np.int32, ()), instance=(np.int32 if has_instances else None, ()), position=(np.float64, (3,)))
 
 
 def signed_distance(bvh, points, mode=None, *, origin=None, memory=None, chunk=CHUNK):
     """Distance of each point to the surface, negative inside, as the signed_distance of the BVH: a Dask array."""
-    answers, near = _points(bvh, "signed_distance", points, {"mode": mode, "origin": origin}, memory, chunk)
+    answers, near, _ = _points(bvh, "signed_distance", points, {"mode": mode, "origin": origin}, memory, chunk)
     return _plain(answers, near)

@@ -66,7 +66,7 @@ class Hits(_Result):
 
 
 class Nearest(_Result):
-    """The fields of canted.Nearest as Dask arrays: distance, primitive, position; instance is None."""
+    """The fields of canted.Nearest as Dask arrays: distance, primitive, position; instance is None but for scenes of tiles."""
 
 
 def check_sizes(sizes, name):
