@@ -57,6 +57,7 @@ extern crate std;
 
 mod closest_point;
 mod convex;
+mod cubic_part;
 mod hit;
 mod intersect;
 mod leaf;

@@ -1,9 +1,9 @@
 //! A cubic curve with a thickness: all points of the balls whose center and radius are cubic polynomials.
 
-use canted_obb::vector::{Vector, dot, length, sqrt, sub, to_f64};
+use canted_obb::vector::to_f64;
 
 use crate::ScaledRay;
-use crate::round_segment::{passes, size, span};
+use crate::cubic_part::{Bends, Control, Ends, Meeting, RayFrame, halves, meeting, segment_ends};
 use crate::rounding::nearest;
 
 /// A round cubic curve: the tube that a ball sweeps along a Bézier curve, with its ends. It is solid.
@@ -36,8 +36,11 @@ pub struct CurvePoint {
     pub is_entry: bool,
 }
 
-/// The solid is made of round segments that deviate from the curve by at most this part of its size, 2.4e-7.
+/// Round segments that replace parts deviate from them by at most this part of the size of the curve, 2.4e-7,
 const TOLERANCE: f64 = 1.0 / (1 << 22) as f64;
+
+/// or by this part of the distance from the ray's origin: that of a rounding of `t`.
+const DISTANT: f64 = 1.0 / (1 << 24) as f64;
 
 /// Most halvings. Control values are at most some ten times as large as the curve, so more are not needed: `0.75·80·2^22 < 4^14`.
 const MAX_DEPTH: u32 = 14;
@@ -45,33 +48,49 @@ const MAX_DEPTH: u32 = 14;
 /// Spans of a ray that are kept apart. A line enters the tube of a cubic at most a few times.
 const MAX_SPANS: usize = 8;
 
-/// A part of the curve: center and radius.
-type Control = [[f64; 4]; 4];
-
 impl RoundCubic {
     /// The first point in `ray.t_min..=t_max` at which the ray enters or leaves the curve.
     ///
     /// # Method
-    /// The curve is halved until it deviates from its chord, and the radius from a linear one, by less than a part of 2^-22 of the size of the
-    /// curve; the depth is known beforehand from its second differences (Wang 1984). Parts whose bounding ball the ray misses, or reaches after an entry that is known, are
-    /// skipped. The others are [`RoundSegment`](crate::RoundSegment)s, of which neighbors share a ball, so there are no gaps. The union of
-    /// their spans is the span of the solid. All in f64, relative to the ray's origin.
+    /// All in f64, in the frame of the ray. Of most curves the line meets the balls of one interval of parameters, where its entries into balls are
+    /// a convex function: its least value, found by a few steps with a proven error, is the entry into the curve. Others are
+    /// halved; parts that the ray passes, or reaches after an entry that is known, are
+    /// skipped. What deviates from its chord, and in its radius from a linear one, by less than a part of 2^-22 of the size of the
+    /// curve, or 2^-24 of the distance of the ray's origin, is a [`RoundSegment`](crate::RoundSegment); the depth is known beforehand from the second derivatives (Wang 1984).
+    /// Neighbors share a ball, so there are no gaps. The union of the spans of all parts is the span of the solid.
     #[doc(hidden)]
     #[must_use]
     pub fn event_scaled(&self, ray: &ScaledRay, t_max: f32) -> Option<CurvePoint> {
-        let (origin, d) = (to_f64(ray.origin), to_f64(ray.direction));
-        let whole: Control = core::array::from_fn(|i| {
-            let [x, y, z] = sub(to_f64(self.points[i]), origin);
-            [x, y, z, f64::from(self.radii[i])]
-        });
-        let (depth, bend) = halvings(&whole);
-        let walk = Walk { d, depth, bend, interval: [f64::from(ray.t_min), f64::from(t_max)] };
-        let mut spans = walk.spans(&whole, true);
-        // Where the ray starts inside, entries into other parts are inside as well, and what comes after them counts.
-        if spans.contain(walk.interval[0], walk.interval[0]) {
-            spans = walk.spans(&whole, false);
+        let frame = RayFrame::new(ray.origin, ray.direction);
+        let whole: Control = core::array::from_fn(|i| frame.ball(self.points[i], self.radii[i]));
+        let bends = Bends::new(&whole);
+        let point = |(z, u): (f64, f64), is_entry| CurvePoint { t: nearest(z / frame.length), u: u as f32, is_entry };
+        let is_within = |point: &CurvePoint| ray.t_min <= point.t && point.t <= t_max;
+        match meeting(&whole, &bends) {
+            Meeting::None => None,
+            Meeting::Single(part) => {
+                let start = part.entry()?;
+                let mut event = point(start, true);
+                if event.t < ray.t_min {
+                    event = point(part.exit(start), false);
+                }
+                Some(event).filter(is_within)
+            }
+            Meeting::Any => {
+                let walk = Walk::new(&whole, bends, [ray.t_min, t_max], frame.length);
+                let mut spans = walk.spans(&whole, true);
+                let is_inside =
+                    |[entry, exit]: Ends| point(entry, true).t < ray.t_min && ray.t_min <= point(exit, false).t;
+                // Where the ray starts inside, entries into other parts are inside as well, and what comes after them counts.
+                if spans.all().any(is_inside) {
+                    spans = walk.spans(&whole, false);
+                }
+                let events =
+                    spans.all().flat_map(|[entry, exit]| [(entry.0, point(entry, true)), (exit.0, point(exit, false))]);
+                let within = events.filter(|(_, event)| is_within(event));
+                within.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, event)| event)
+            }
         }
-        spans.first_event(ray.t_min, t_max)
     }
 
     /// The four quarters of the curve, center and radius of their control balls in f64: their convex hull is tighter than that of the
@@ -108,58 +127,56 @@ impl RoundCubic {
 
 /// A ray through the parts of a curve.
 struct Walk {
-    /// Direction; parts are relative to the origin.
-    d: Vector,
+    bends: Bends,
     depth: u32,
-    /// The greatest length of a second difference of the control points.
-    bend: f64,
-    interval: [f64; 2],
+    /// Positions that round to a `t` outside of the interval are outside of these.
+    limits: [f64; 2],
 }
 
 impl Walk {
+    fn new(whole: &Control, bends: Bends, [t_min, t_max]: [f32; 2], length: f64) -> Self {
+        let [low, high] = [t_min.next_down(), t_max.next_up()].map(|t| f64::from(t) * length);
+        let limits = [low - MARGIN * low.abs(), high + MARGIN * high.abs()];
+        Self { bends, depth: halvings(whole, &bends), limits }
+    }
+
     /// The spans of the parts that overlap the interval; with `to_entry`, up to the first entry of any part.
     fn spans(&self, whole: &Control, to_entry: bool) -> Spans {
-        let (d, [t_min, mut t_end]) = (self.d, self.interval);
-        let mut spans = Spans { list: [Span::EMPTY; MAX_SPANS], n: 0 };
-        let d_squared = dot(d, d);
-        // Parts that wait, each with its interval, the number of its level and its place in it.
-        let mut stack = [(*whole, [0.0; 2], 0_u32, 0_u32); MAX_DEPTH as usize + 1];
-        let mut n_waiting = usize::from(interval(whole, self.bend, d, d_squared).is_some_and(|interval| {
-            stack[0].1 = interval;
-            true
-        }));
+        let [low, mut high] = self.limits;
+        let mut spans = Spans { list: [Spans::EMPTY; MAX_SPANS], n: 0 };
+        // Parts that wait, each with the number of its level and its place in it.
+        let mut stack = [(*whole, self.bends, 0_u32, 0_u32); MAX_DEPTH as usize + 1];
+        let mut n_waiting = 1;
         while n_waiting > 0 {
             n_waiting -= 1;
-            let (part, [start, end], level, place) = stack[n_waiting];
-            if end < t_min || start > t_end || spans.contain(start.max(t_min), end) {
+            let (part, bends, level, place) = stack[n_waiting];
+            let [start, end] = extent(&part);
+            if end < low || start > high || spans.contain(start.max(low), end) {
                 continue;
             }
-            if level == self.depth {
-                let [p0, .., p1] = part;
-                let [a, b] = [p0, p1].map(|[x, y, z, _]| [x, y, z]);
-                if let Some([entry, exit]) = span([-a[0], -a[1], -a[2]], d, sub(b, a), [p0[3], p1[3]]) {
-                    let parameter = |u: f64| (f64::from(place) + u) / f64::from(1_u32 << self.depth);
-                    spans.add(Span { ends: [entry, exit].map(|(t, u)| (t, parameter(u))) });
-                    // What begins after an entry does not come before it.
-                    if to_entry && entry.0 >= t_min {
-                        t_end = t_end.min(entry.0);
+            let ends = match meeting(&part, &bends) {
+                Meeting::None => continue,
+                Meeting::Single(part) => part.entry().map(|entry| [entry, part.exit(entry)]),
+                Meeting::Any if level == self.depth => segment_ends(&part),
+                Meeting::Any => {
+                    let bends = bends.of_halves();
+                    let mut both = halves(&part).map(|half| (half, bends, level + 1, 2 * place));
+                    both[1].3 += 1;
+                    // The half that begins first is taken first.
+                    if extent(&both[0].0)[0] < extent(&both[1].0)[0] {
+                        both.reverse();
                     }
+                    stack[n_waiting..n_waiting + 2].copy_from_slice(&both);
+                    n_waiting += 2;
+                    continue;
                 }
-                continue;
-            }
-            let mut next = [0, 1].map(|half| (half, 2 * place + half as u32));
-            // Those of a half are a quarter.
-            let bend = self.bend / f64::from(1_u32 << (2 * level + 2));
-            let both = halves(&part).map(|half| (half, interval(&half, bend, d, d_squared)));
-            // The half that begins first is taken first.
-            let begin = |half: usize| both[half].1.map_or(f64::INFINITY, |[start, _]| start);
-            if begin(0) < begin(1) {
-                next.reverse();
-            }
-            for (half, place) in next {
-                if let (part, Some(interval)) = both[half] {
-                    stack[n_waiting] = (part, interval, level + 1, place);
-                    n_waiting += 1;
+            };
+            if let Some([entry, exit]) = ends {
+                let parameter = |u: f64| (f64::from(place) + u) / f64::from(1_u32 << level);
+                spans.add([entry, exit].map(|(z, u)| (z, parameter(u))));
+                // What begins after an entry does not come before it.
+                if to_entry && entry.0 >= low {
+                    high = high.min(entry.0);
                 }
             }
         }
@@ -167,100 +184,60 @@ impl Walk {
     }
 }
 
-/// Halvings after which parts are as good as straight, and the greatest second difference, of the radii as well.
-fn halvings(whole: &Control) -> (u32, f64) {
-    let (mut size, mut bend) = (0.0_f64, 0.0_f64);
+/// Halvings after which parts are as good as straight.
+fn halvings(whole: &Control, bends: &Bends) -> u32 {
     // Of the curve, not of its control points: by balls at four parameters.
+    let mut size = 0.0_f64;
     let [a, b, c, d] = whole;
     for weights in [[8.0, 12.0, 6.0, 1.0], [1.0, 6.0, 12.0, 8.0], [0.0, 0.0, 0.0, 27.0]] {
         let at = |k: usize| (weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k] + weights[3] * d[k]) / 27.0;
         size = (0..3).fold(size.max(at(3)), |size, k| size.max((at(k) - a[k]).abs()));
     }
     size = size.max(a[3]);
-    for i in 0..2 {
-        let second: [f64; 4] = core::array::from_fn(|k| whole[i][k] - 2.0 * whole[i + 1][k] + whole[i + 2][k]);
-        bend = bend.max(length([second[0], second[1], second[2]]) + second[3].abs());
-    }
+    let distance = a[2].abs().max(d[2].abs());
+    let tolerance = (TOLERANCE * size).max(DISTANT * distance);
     let mut depth = 0;
-    let mut deviation = 0.75 * bend;
-    while deviation > TOLERANCE * size && depth < MAX_DEPTH {
+    let mut deviation = bends.deviation();
+    while deviation > tolerance && depth < MAX_DEPTH {
         deviation *= 0.25;
         depth += 1;
     }
-    (depth, bend)
+    depth
 }
 
-/// De Casteljau's halves.
-fn halves(part: &Control) -> [Control; 2] {
-    let mid = |a: &[f64; 4], b: &[f64; 4]| -> [f64; 4] { core::array::from_fn(|k| 0.5 * (a[k] + b[k])) };
-    let [a, b, c, d] = part;
-    let [ab, bc, cd] = [mid(a, b), mid(b, c), mid(c, d)];
-    let [abc, bcd] = [mid(&ab, &bc), mid(&bc, &cd)];
-    let middle = mid(&abc, &bcd);
-    [[*a, ab, abc, middle], [middle, bcd, cd, *d]]
-}
+/// More than all roundings of a position, relative to the sizes.
+const MARGIN: f64 = 1e-13;
 
-/// The interval in which the ray passes through a ball around a part and its chord. `None` where it misses that, or the tube around the chord that contains the part.
-///
-/// The inner control points are within `bend`, the greatest length of a second difference, of the points at a third and two thirds of the chord, whose difference
-/// is `(2·D0 + D1)/3` or `(D0 + 2·D1)/3` of both second differences.
-fn interval(part: &Control, bend: f64, d: Vector, d_squared: f64) -> Option<[f64; 2]> {
-    let [p0, p3] = [part[0], part[3]].map(|[x, y, z, _]| [x, y, z]);
-    let chord = sub(p3, p0);
-    let radius = part[1..].iter().fold(part[0][3], |radius, ball| radius.max(ball[3]));
-    let center: Vector = core::array::from_fn(|k| 0.5 * (p0[k] + p3[k]));
-    // Far more than the roundings of f64.
-    let margin = 1e-12 * (bend + radius + size(p0) + size(p3));
-    let around = bend + radius + margin;
-    if passes(p0, d, chord, around) {
-        return None;
+/// An interval of positions along the line that contains a part.
+fn extent(part: &Control) -> [f64; 2] {
+    let [mut low, mut high, mut size] = [f64::INFINITY, f64::NEG_INFINITY, 0.0_f64];
+    for [x, y, z, radius] in part {
+        (low, high) = (low.min(z - radius), high.max(z + radius));
+        size = size.max(x.abs() + y.abs() + z.abs() + radius);
     }
-    let reach = 0.5 * length(chord) + around;
-    let closest = dot(center, d) / d_squared;
-    let off: Vector = core::array::from_fn(|k| center[k] - closest * d[k]);
-    let squared = reach * reach - dot(off, off);
-    let half = sqrt(squared.max(0.0) / d_squared);
-    let margin = 1e-12 * (closest.abs() + half);
-    (squared >= 0.0).then_some([closest - half - margin, closest + half + margin])
-}
-
-/// An interval of the ray inside of the curve: `t` and the parameter, at its start and at its end.
-#[derive(Clone, Copy)]
-struct Span {
-    ends: [(f64, f64); 2],
-}
-
-impl Span {
-    const EMPTY: Self = Self { ends: [(f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0)] };
-
-    /// Extends this span by one that overlaps it.
-    fn join(&mut self, other: &Self) {
-        if other.ends[0].0 < self.ends[0].0 {
-            self.ends[0] = other.ends[0];
-        }
-        if other.ends[1].0 > self.ends[1].0 {
-            self.ends[1] = other.ends[1];
-        }
-    }
-
-    fn overlaps(&self, other: &Self) -> bool {
-        other.ends[0].0 <= self.ends[1].0 && self.ends[0].0 <= other.ends[1].0
-    }
+    [low - MARGIN * size, high + MARGIN * size]
 }
 
 /// Spans that do not overlap.
 struct Spans {
-    list: [Span; MAX_SPANS],
+    list: [Ends; MAX_SPANS],
     n: usize,
 }
 
 impl Spans {
+    const EMPTY: Ends = [(f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0)];
+
+    fn all(&self) -> impl Iterator<Item = Ends> {
+        self.list[..self.n].iter().copied()
+    }
+
     /// Adds a span, and joins it with those that it overlaps. Where there is no room left, it is joined with the last.
-    fn add(&mut self, mut span: Span) {
+    fn add(&mut self, mut span: Ends) {
         let mut i = 0;
         while i < self.n {
-            if self.list[i].overlaps(&span) {
-                span.join(&self.list[i]);
+            let other = self.list[i];
+            if other[0].0 <= span[1].0 && span[0].0 <= other[1].0 {
+                span = joined(span, other);
                 self.n -= 1;
                 self.list[i] = self.list[self.n];
                 // It may overlap those before now.
@@ -271,7 +248,7 @@ impl Spans {
         }
         if self.n == MAX_SPANS {
             self.n -= 1;
-            span.join(&self.list[self.n]);
+            span = joined(span, self.list[self.n]);
         }
         self.list[self.n] = span;
         self.n += 1;
@@ -279,15 +256,11 @@ impl Spans {
 
     /// Whether an interval is within one span.
     fn contain(&self, start: f64, end: f64) -> bool {
-        self.list[..self.n].iter().any(|span| span.ends[0].0 <= start && end <= span.ends[1].0)
+        self.list[..self.n].iter().any(|[entry, exit]| entry.0 <= start && end <= exit.0)
     }
+}
 
-    /// The first end of a span in an interval.
-    fn first_event(&self, t_min: f32, t_max: f32) -> Option<CurvePoint> {
-        let ends = self.list[..self.n].iter().flat_map(|span| {
-            let point = |(t, u): (f64, f64), is_entry| CurvePoint { t: nearest(t), u: u as f32, is_entry };
-            [point(span.ends[0], true), point(span.ends[1], false)]
-        });
-        ends.filter(|end| t_min <= end.t && end.t <= t_max).min_by(|a, b| a.t.total_cmp(&b.t))
-    }
+/// The span from the first entry to the last exit.
+fn joined(a: Ends, b: Ends) -> Ends {
+    [if b[0].0 < a[0].0 { b[0] } else { a[0] }, if b[1].0 > a[1].0 { b[1] } else { a[1] }]
 }

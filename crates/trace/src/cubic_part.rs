@@ -1,0 +1,281 @@
+//! Parts of a round cubic curve in the frame of a ray: the line of the ray is the third axis.
+//!
+//! The ball at the parameter `u` has the center `(p(u), z(u))`, with `p` in the plane across the line, and the radius `r(u)`. The line passes through it
+//! where `q(u) = |p|² - r² <= 0`, from `z - w` to `z + w` with `w² = -q`. So the line enters a part at the least `z - w`, and leaves it at the
+//! greatest `z + w`.
+
+use canted_obb::vector::{Vector, dot, sqrt, sub, to_f64};
+
+use crate::round_segment::span;
+
+/// Control balls of a part: the center in the frame of the ray, and the radius.
+pub(crate) type Control = [[f64; 4]; 4];
+
+/// Where a line enters and leaves a part: the position along the line, and the parameter within the part.
+pub(crate) type Ends = [(f64, f64); 2];
+
+/// Three orthogonal unit vectors, the last of which is the direction of a ray.
+pub(crate) struct RayFrame {
+    axes: [Vector; 3],
+    origin: Vector,
+    /// Of the direction.
+    pub(crate) length: f64,
+}
+
+impl RayFrame {
+    /// The axes across the direction are those of Duff et al. 2017.
+    #[inline]
+    pub(crate) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let d = to_f64(direction);
+        let length = sqrt(dot(d, d));
+        let [x, y, z] = d.map(|c| c / length);
+        let sign = if z < 0.0 { -1.0 } else { 1.0 };
+        let a = -1.0 / (sign + z);
+        let b = x * y * a;
+        let axes = [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], [x, y, z]];
+        Self { axes, origin: to_f64(origin), length }
+    }
+
+    /// A control ball in this frame.
+    #[inline]
+    pub(crate) fn ball(&self, center: [f32; 3], radius: f32) -> [f64; 4] {
+        let c = sub(to_f64(center), self.origin);
+        let [x, y, z] = self.axes.map(|axis| dot(axis, c));
+        [x, y, z, f64::from(radius)]
+    }
+}
+
+/// Bounds of derivatives of a curve. Those of its halves are quarters of the second ones, and halves of the first.
+#[derive(Clone, Copy)]
+pub(crate) struct Bends {
+    /// At least the length of second derivatives of the center.
+    center: f64,
+    /// Of the radius.
+    radius: f64,
+    /// At least the first derivative of the radius.
+    slope: f64,
+}
+
+impl Bends {
+    /// Those of a curve, whose derivatives are in the hulls of their own control values.
+    #[inline]
+    pub(crate) fn new(part: &Control) -> Self {
+        let [p, q, r, s] = part;
+        let second = |a: &[f64; 4], b: &[f64; 4], c: &[f64; 4]| -> [f64; 4] {
+            core::array::from_fn(|k| 6.0 * (a[k] - 2.0 * b[k] + c[k]))
+        };
+        let [a, b] = [second(p, q, r), second(q, r, s)];
+        let squared = |v: &[f64; 4]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+        let slope = 3.0 * (q[3] - p[3]).abs().max((r[3] - q[3]).abs()).max((s[3] - r[3]).abs());
+        Self { center: sqrt(squared(&a).max(squared(&b))), radius: a[3].abs().max(b[3].abs()), slope }
+    }
+
+    pub(crate) fn of_halves(self) -> Self {
+        Self { center: 0.25 * self.center, radius: 0.25 * self.radius, slope: 0.5 * self.slope }
+    }
+
+    /// How far the curve is from its chord, and its radius from the linear one, at most: an eighth of the second derivatives.
+    pub(crate) fn deviation(&self) -> f64 {
+        0.125 * (self.center + self.radius)
+    }
+}
+
+/// De Casteljau's halves.
+#[inline]
+pub(crate) fn halves(part: &Control) -> [Control; 2] {
+    let mid = |a: &[f64; 4], b: &[f64; 4]| -> [f64; 4] { core::array::from_fn(|k| 0.5 * (a[k] + b[k])) };
+    let [a, b, c, d] = part;
+    let [ab, bc, cd] = [mid(a, b), mid(b, c), mid(c, d)];
+    let [abc, bcd] = [mid(&ab, &bc), mid(&bc, &cd)];
+    let middle = mid(&abc, &bcd);
+    [[*a, ab, abc, middle], [middle, bcd, cd, *d]]
+}
+
+/// What a line may meet of a part.
+pub(crate) enum Meeting {
+    /// The line passes the part.
+    None,
+    /// The balls that the line meets are those of one interval of parameters; see [`SinglePart`].
+    Single(SinglePart),
+    /// Anything.
+    Any,
+}
+
+/// A part of which the line meets the balls of one interval of parameters, if any, where `z - w` is convex and `z + w` is concave.
+pub(crate) struct SinglePart {
+    /// The coefficients of the powers of the parameter.
+    powers: Control,
+    /// The chord across the line.
+    chord: [f64; 2],
+    /// Its square.
+    chord_squared: f64,
+    /// The greatest control value of the radius.
+    radius: f64,
+    /// At most half of the second derivative of `q` minus `radius·|z''|` wherever that counts; see [`meeting`].
+    convexity: f64,
+}
+
+/// Decides whether a line meets a part, and whether in one interval of parameters.
+///
+/// # Method
+/// Let `x` be the coordinate of `p` along the part's chord across the line, `y` the one across, `X` the least control value of `x'`, positive, and `Y` the
+/// greatest of `|y'|`, at most `X/2`. Let `R` be the greatest radius, `B` and `S` bounds of the second and first derivative of `r`, and `C` one of the second
+/// derivative of the center. Let `u` be a parameter with `|x| <= R`, and let the line meet the ball at `v`, so `|p(v)| <= R`. As `x` is monotone, `|x| <= R` between both,
+/// and `|y| <= R + 2R·Y/X <= 2R`, so `|p| <= sqrt(5)·R` there. So
+///
+/// `q''/2 = |p'|² + p·p'' - r'² - r·r'' >= X² - S² - R·(sqrt(5)·C + B)`.
+///
+/// Where this exceeds `R·C`, which is at least `w·|z''|`, `q` is convex, so the line meets all balls between two that it meets, and
+/// `(z - w)'' = z'' + q''/(2w) + q'²/(4w³)` is positive. The difference is [`SinglePart::convexity`]. It is scaled by the square
+/// of the chord here, and must be a fifth of `X²`, so that the search for the least value ends soon.
+///
+/// The line passes the part where all points of the curve are on one side, by more than the radius: across the chord by Bernstein polynomials, of which
+/// the inner two have a sum of at most 3/4, or along it.
+#[inline]
+pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
+    let [a, b, c, d] = part;
+    let chord = [d[0] - a[0], d[1] - a[1]];
+    let along = |p: &[f64; 4]| chord[0] * p[0] + chord[1] * p[1];
+    let across = |p: &[f64; 4]| chord[0] * p[1] - chord[1] * p[0];
+    let chord_squared = chord[0] * chord[0] + chord[1] * chord[1];
+    let radius = a[3].max(b[3]).max(c[3]).max(d[3]);
+    let reach = radius * radius * chord_squared;
+    let is_beyond = |low: f64, high: f64| (low > 0.0 && low * low > reach) || (high < 0.0 && high * high > reach);
+
+    let offset = across(a);
+    let bulges = [across(b) - offset, across(c) - offset];
+    let low = offset + 0.75 * bulges[0].min(bulges[1]).min(0.0);
+    let high = offset + 0.75 * bulges[0].max(bulges[1]).max(0.0);
+    if is_beyond(low, high) {
+        return Meeting::None;
+    }
+    let at = [along(a), along(b), along(c), along(d)];
+    if is_beyond(at[0].min(at[1]).min(at[2]).min(at[3]), at[0].max(at[1]).max(at[2]).max(at[3])) {
+        return Meeting::None;
+    }
+
+    let least = 3.0 * (at[1] - at[0]).min(at[2] - at[1]).min(at[3] - at[2]);
+    // The last is the negative of the second, as the chord has no extent across itself.
+    let most = 3.0 * bulges[0].abs().max((bulges[1] - bulges[0]).abs()).max(bulges[1].abs());
+    let size = |p: &[f64; 4]| p[0].abs() + p[1].abs() + p[2].abs();
+    let rounding = ROUNDINGS * (size(a) + size(d));
+    let bend = bends.slope * bends.slope + radius * (3.25 * bends.center + bends.radius) + rounding * rounding;
+    if !(least > 0.0 && 2.0 * most <= least && least * least > 1.25 * chord_squared * bend) {
+        return Meeting::Any;
+    }
+    let convexity = least * least / chord_squared - bend;
+    let powers = [
+        *a,
+        core::array::from_fn(|k| 3.0 * (b[k] - a[k])),
+        core::array::from_fn(|k| 3.0 * (a[k] - 2.0 * b[k] + c[k])),
+        core::array::from_fn(|k| d[k] - a[k] + 3.0 * (b[k] - c[k])),
+    ];
+    Meeting::Single(SinglePart { powers, chord, chord_squared, radius, convexity })
+}
+
+/// A speed across the line below this part of the coordinates is not told from roundings.
+const ROUNDINGS: f64 = 1.0 / (1_u64 << 36) as f64;
+
+/// The search ends within this part of the distance from the ray's origin.
+const TOLERANCE: f64 = 1.0 / (1_u64 << 36) as f64;
+
+/// Steps by the local cone. Later ones halve the interval.
+const CONE_STEPS: u32 = 8;
+
+/// Enough for the interval to end at the roundings of a parameter.
+const MAX_STEPS: u32 = CONE_STEPS + 56;
+
+impl SinglePart {
+    /// Where the line enters the part; `None` for a miss.
+    #[inline]
+    pub(crate) fn entry(&self) -> Option<(f64, f64)> {
+        let [a, ..] = self.powers;
+        let start = -(self.chord[0] * a[0] + self.chord[1] * a[1]) / self.chord_squared;
+        self.least(1.0, start.clamp(0.0, 1.0))
+    }
+
+    /// Where the line leaves the part, given where it enters.
+    #[inline]
+    pub(crate) fn exit(&self, (z, u): (f64, f64)) -> (f64, f64) {
+        // The entry's ball is met, so there is one.
+        self.least(-1.0, u).map_or((z, u), |(z, u)| (-z, u))
+    }
+
+    /// The least `sign·z - w` and its parameter.
+    ///
+    /// # Method
+    /// A bracket contains the parameter: where the line meets the ball at `u`, the sign of the derivative tells the side, elsewhere that of `q'`
+    /// or, where `|x|` exceeds the radius, that of `x`. The next parameter is the one that is best for
+    /// `q + 2g·δ + h·δ²` and linear `z`, which is exact for a cone, with `g = q'/2` and `h = q''/2`.
+    ///
+    /// # Error
+    /// With a second derivative of at least `m/R`, where `m` is the convexity, a value exceeds the least one by at most `(z - w)'²·R/(2m)`: the search ends
+    /// where this is below [`TOLERANCE`] of the position. Likewise `q` exceeds its least value by at most `g²/m`, so the line passes a part where `q`
+    /// exceeds that, and where `|p|` exceeds `sqrt(5)·R` while `|x| <= R`.
+    #[inline]
+    fn least(&self, sign: f64, start: f64) -> Option<(f64, f64)> {
+        let Self { powers: [c0, c1, c2, c3], chord, chord_squared, radius, convexity } = self;
+        let (mut low, mut high, mut u) = (-1.0, 2.0, start);
+        let mut best = None;
+        for step in 0..MAX_STEPS {
+            let value: [f64; 4] = core::array::from_fn(|k| ((c3[k] * u + c2[k]) * u + c1[k]) * u + c0[k]);
+            let first: [f64; 4] = core::array::from_fn(|k| (3.0 * c3[k] * u + 2.0 * c2[k]) * u + c1[k]);
+            let second: [f64; 4] = core::array::from_fn(|k| 6.0 * c3[k] * u + 2.0 * c2[k]);
+            // Products of the centers less that of the radii.
+            let form = |a: &[f64; 4], b: &[f64; 4]| a[0] * b[0] + a[1] * b[1] - a[3] * b[3];
+            let (q, g, h) = (form(&value, &value), form(&value, &first), form(&first, &first) + form(&value, &second));
+            let (z, slope) = (sign * value[2], sign * first[2]);
+            let (is_before, mut next);
+            let along = chord[0] * value[0] + chord[1] * value[1];
+            if q <= 0.0 {
+                let w = sqrt(-q);
+                // The derivative times `w`.
+                let rate = slope * w + g;
+                best = Some((z - w, u));
+                let tolerance = TOLERANCE * (z.abs() + radius);
+                if rate * rate * radius <= 2.0 * convexity * tolerance * -q
+                    || (u == 0.0 && rate >= 0.0)
+                    || (u == 1.0 && rate <= 0.0)
+                {
+                    return best;
+                }
+                is_before = rate > 0.0;
+                next = u - (g + slope * sqrt((g * g - q * h) / (h + slope * slope))) / h;
+            } else {
+                let is_beside = along * along <= radius * radius * chord_squared;
+                if is_beside {
+                    if value[0] * value[0] + value[1] * value[1] > 5.0 * radius * radius || q * convexity > g * g {
+                        return None;
+                    }
+                    is_before = g > 0.0;
+                    let depth = (g * g - q * h).max(0.0);
+                    next = u - (g + slope * sqrt(depth / (h + slope * slope))) / h;
+                } else {
+                    is_before = along > 0.0;
+                    next = u - along / (chord[0] * first[0] + chord[1] * first[1]);
+                }
+                if (u == 0.0 && is_before) || (u == 1.0 && !is_before) {
+                    return best;
+                }
+            }
+            if is_before {
+                high = u
+            } else {
+                low = u
+            }
+            next = next.clamp(0.0, 1.0);
+            if step >= CONE_STEPS || !(low < next && next < high) {
+                next = 0.5 * (low.max(0.0) + high.min(1.0));
+            }
+            u = next;
+        }
+        best
+    }
+}
+
+/// Where the line enters and leaves the round segment of a part's ends.
+pub(crate) fn segment_ends(part: &Control) -> Option<Ends> {
+    let [p0, .., p1] = part;
+    let [a, b] = [p0, p1].map(|[x, y, z, _]| [*x, *y, *z]);
+    span([-a[0], -a[1], -a[2]], [0.0, 0.0, 1.0], sub(b, a), [p0[3], p1[3]])
+}
