@@ -24,7 +24,7 @@ pub(crate) struct RayFrame {
 
 impl RayFrame {
     /// The axes across the direction are those of Duff et al. 2017.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         let d = to_f64(direction);
         let length = sqrt(dot(d, d));
@@ -37,7 +37,7 @@ impl RayFrame {
     }
 
     /// A control ball in this frame.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn ball(&self, center: [f32; 3], radius: f32) -> [f64; 4] {
         let c = sub(to_f64(center), self.origin);
         let [x, y, z] = self.axes.map(|axis| dot(axis, c));
@@ -48,8 +48,10 @@ impl RayFrame {
 /// Bounds of derivatives of a curve. Those of its halves are quarters of the second ones, and halves of the first.
 #[derive(Clone, Copy)]
 pub(crate) struct Bends {
-    /// At least the length of second derivatives of the center.
-    center: f64,
+    /// At least the length of second derivatives of the center across the line.
+    across: f64,
+    /// Along the line.
+    along: f64,
     /// Of the radius.
     radius: f64,
     /// At least the first derivative of the radius.
@@ -58,25 +60,33 @@ pub(crate) struct Bends {
 
 impl Bends {
     /// Those of a curve, whose derivatives are in the hulls of their own control values.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(part: &Control) -> Self {
         let [p, q, r, s] = part;
         let second = |a: &[f64; 4], b: &[f64; 4], c: &[f64; 4]| -> [f64; 4] {
             core::array::from_fn(|k| 6.0 * (a[k] - 2.0 * b[k] + c[k]))
         };
         let [a, b] = [second(p, q, r), second(q, r, s)];
-        let squared = |v: &[f64; 4]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-        let slope = 3.0 * (q[3] - p[3]).abs().max((r[3] - q[3]).abs()).max((s[3] - r[3]).abs());
-        Self { center: sqrt(squared(&a).max(squared(&b))), radius: a[3].abs().max(b[3].abs()), slope }
+        let across = |v: &[f64; 4]| v[0] * v[0] + v[1] * v[1];
+        Self {
+            across: sqrt(across(&a).max(across(&b))),
+            along: a[2].abs().max(b[2].abs()),
+            radius: a[3].abs().max(b[3].abs()),
+            slope: 3.0 * (q[3] - p[3]).abs().max((r[3] - q[3]).abs()).max((s[3] - r[3]).abs()),
+        }
     }
 
-    pub(crate) fn of_halves(self) -> Self {
-        Self { center: 0.25 * self.center, radius: 0.25 * self.radius, slope: 0.5 * self.slope }
+    /// Those of the parts after so many halvings.
+    pub(crate) fn of_parts(&self, n_halvings: u32) -> Self {
+        let first = 1.0 / f64::from(1_u32 << n_halvings);
+        let second = first * first;
+        let Self { across, along, radius, slope } = self;
+        Self { across: second * across, along: second * along, radius: second * radius, slope: first * slope }
     }
 
     /// How far the curve is from its chord, and its radius from the linear one, at most: an eighth of the second derivatives.
     pub(crate) fn deviation(&self) -> f64 {
-        0.125 * (self.center + self.radius)
+        0.125 * (self.across + self.along + self.radius)
     }
 }
 
@@ -105,6 +115,8 @@ pub(crate) enum Meeting {
 pub(crate) struct SinglePart {
     /// The coefficients of the powers of the parameter.
     powers: Control,
+    /// About the parameter of the entry.
+    start: f64,
     /// The chord across the line.
     chord: [f64; 2],
     /// Its square.
@@ -119,19 +131,19 @@ pub(crate) struct SinglePart {
 ///
 /// # Method
 /// Let `x` be the coordinate of `p` along the part's chord across the line, `y` the one across, `X` the least control value of `x'`, positive, and `Y` the
-/// greatest of `|y'|`, at most `X/2`. Let `R` be the greatest radius, `B` and `S` bounds of the second and first derivative of `r`, and `C` one of the second
-/// derivative of the center. Let `u` be a parameter with `|x| <= R`, and let the line meet the ball at `v`, so `|p(v)| <= R`. As `x` is monotone, `|x| <= R` between both,
+/// greatest of `|y'|`, at most `X/2`. Let `R` be the greatest radius, `B` and `S` bounds of the second and first derivative of `r`, and `C` and `Z` those of `|p''|` and
+/// `|z''|`. Let `u` be a parameter with `|x| <= R`, and let the line meet the ball at `v`, so `|p(v)| <= R`. As `x` is monotone, `|x| <= R` between both,
 /// and `|y| <= R + 2R·Y/X <= 2R`, so `|p| <= sqrt(5)·R` there. So
 ///
 /// `q''/2 = |p'|² + p·p'' - r'² - r·r'' >= X² - S² - R·(sqrt(5)·C + B)`.
 ///
-/// Where this exceeds `R·C`, which is at least `w·|z''|`, `q` is convex, so the line meets all balls between two that it meets, and
+/// Where this exceeds `R·Z`, which is at least `w·|z''|`, `q` is convex, so the line meets all balls between two that it meets, and
 /// `(z - w)'' = z'' + q''/(2w) + q'²/(4w³)` is positive. The difference is [`SinglePart::convexity`]. It is scaled by the square
 /// of the chord here, and must be a fifth of `X²`, so that the search for the least value ends soon.
 ///
 /// The line passes the part where all points of the curve are on one side, by more than the radius: across the chord by Bernstein polynomials, of which
 /// the inner two have a sum of at most 3/4, or along it.
-#[inline]
+#[inline(always)]
 pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     let [a, b, c, d] = part;
     let chord = [d[0] - a[0], d[1] - a[1]];
@@ -159,7 +171,8 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     let most = 3.0 * bulges[0].abs().max((bulges[1] - bulges[0]).abs()).max(bulges[1].abs());
     let size = |p: &[f64; 4]| p[0].abs() + p[1].abs() + p[2].abs();
     let rounding = ROUNDINGS * (size(a) + size(d));
-    let bend = bends.slope * bends.slope + radius * (3.25 * bends.center + bends.radius) + rounding * rounding;
+    let bend =
+        bends.slope * bends.slope + radius * (2.25 * bends.across + bends.along + bends.radius) + rounding * rounding;
     if !(least > 0.0 && 2.0 * most <= least && least * least > 1.25 * chord_squared * bend) {
         return Meeting::Any;
     }
@@ -170,14 +183,22 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
         core::array::from_fn(|k| 3.0 * (a[k] - 2.0 * b[k] + c[k])),
         core::array::from_fn(|k| d[k] - a[k] + 3.0 * (b[k] - c[k])),
     ];
-    Meeting::Single(SinglePart { powers, chord, chord_squared, radius, convexity })
+    // Where the cone of the chord, moved by the bulge of the curve, is entered.
+    let recip = 1.0 / chord_squared;
+    let u = (-at[0] * recip).clamp(0.0, 1.0);
+    let v = 1.0 - u;
+    let aside = offset + 3.0 * u * v * (v * bulges[0] + u * bulges[1]);
+    let slope = d[2] - a[2];
+    let depth = (reach - aside * aside).max(0.0) * recip;
+    let shift = slope * sqrt(depth / (chord_squared * (chord_squared + slope * slope)));
+    Meeting::Single(SinglePart { powers, chord, chord_squared, radius, convexity, start: (u - shift).clamp(0.0, 1.0) })
 }
 
 /// A speed across the line below this part of the coordinates is not told from roundings.
 const ROUNDINGS: f64 = 1.0 / (1_u64 << 36) as f64;
 
 /// The search ends within this part of the distance from the ray's origin.
-const TOLERANCE: f64 = 1.0 / (1_u64 << 36) as f64;
+const TOLERANCE: f64 = 1.0 / (1_u64 << 30) as f64;
 
 /// Steps by the local cone. Later ones halve the interval.
 const CONE_STEPS: u32 = 8;
@@ -186,22 +207,26 @@ const CONE_STEPS: u32 = 8;
 const MAX_STEPS: u32 = CONE_STEPS + 56;
 
 impl SinglePart {
-    /// Where the line enters the part; `None` for a miss.
-    #[inline]
-    pub(crate) fn entry(&self) -> Option<(f64, f64)> {
-        let [a, ..] = self.powers;
-        let start = -(self.chord[0] * a[0] + self.chord[1] * a[1]) / self.chord_squared;
-        self.least(1.0, start.clamp(0.0, 1.0))
+    /// Where the line enters the part; `None` for a miss. An entry outside of the interval need not be exact, nor one beyond it found.
+    #[inline(always)]
+    pub(crate) fn entry(&self, limits: [f64; 2]) -> Option<(f64, f64)> {
+        self.least(1.0, self.start, limits)
     }
 
-    /// Where the line leaves the part, given where it enters.
-    #[inline]
-    pub(crate) fn exit(&self, (z, u): (f64, f64)) -> (f64, f64) {
-        // The entry's ball is met, so there is one.
-        self.least(-1.0, u).map_or((z, u), |(z, u)| (-z, u))
+    /// Where the line leaves the part, given where it enters. An exit outside of the interval need not be exact, nor one before it found.
+    #[inline(always)]
+    pub(crate) fn exit(&self, (_, u): (f64, f64), [low, high]: [f64; 2]) -> Option<(f64, f64)> {
+        self.least(-1.0, u, [-high, -low]).map(|(z, u)| (-z, u))
     }
 
-    /// The least `sign·z - w` and its parameter.
+    /// Both, exact.
+    pub(crate) fn ends(&self) -> Option<Ends> {
+        let everything = [f64::NEG_INFINITY, f64::INFINITY];
+        let entry = self.entry(everything)?;
+        Some([entry, self.exit(entry, everything)?])
+    }
+
+    /// The least `sign·z - w` and its parameter. Any value below `low` will do, and none above `high` is needed.
     ///
     /// # Method
     /// A bracket contains the parameter: where the line meets the ball at `u`, the sign of the derivative tells the side, elsewhere that of `q'`
@@ -212,9 +237,9 @@ impl SinglePart {
     /// With a second derivative of at least `m/R`, where `m` is the convexity, a value exceeds the least one by at most `(z - w)'²·R/(2m)`: the search ends
     /// where this is below [`TOLERANCE`] of the position. Likewise `q` exceeds its least value by at most `g²/m`, so the line passes a part where `q`
     /// exceeds that, and where `|p|` exceeds `sqrt(5)·R` while `|x| <= R`.
-    #[inline]
-    fn least(&self, sign: f64, start: f64) -> Option<(f64, f64)> {
-        let Self { powers: [c0, c1, c2, c3], chord, chord_squared, radius, convexity } = self;
+    #[inline(always)]
+    fn least(&self, sign: f64, start: f64, [enough, limit]: [f64; 2]) -> Option<(f64, f64)> {
+        let Self { powers: [c0, c1, c2, c3], chord, chord_squared, radius, convexity, .. } = self;
         let (mut low, mut high, mut u) = (-1.0, 2.0, start);
         let mut best = None;
         for step in 0..MAX_STEPS {
@@ -233,7 +258,13 @@ impl SinglePart {
                 let rate = slope * w + g;
                 best = Some((z - w, u));
                 let tolerance = TOLERANCE * (z.abs() + radius);
-                if rate * rate * radius <= 2.0 * convexity * tolerance * -q
+                // By how much the value exceeds the least one, times this.
+                let (gap, scale) = (rate * rate * radius, -2.0 * convexity * q);
+                if gap < (z - w - tolerance - limit) * scale {
+                    return None;
+                }
+                if gap <= tolerance * scale
+                    || z - w + tolerance < enough
                     || (u == 0.0 && rate >= 0.0)
                     || (u == 1.0 && rate <= 0.0)
                 {

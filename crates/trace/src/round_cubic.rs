@@ -1,6 +1,6 @@
 //! A cubic curve with a thickness: all points of the balls whose center and radius are cubic polynomials.
 
-use canted_obb::vector::to_f64;
+use canted_obb::vector::{sqrt, to_f64};
 
 use crate::ScaledRay;
 use crate::cubic_part::{Bends, Control, Ends, Meeting, RayFrame, halves, meeting, segment_ends};
@@ -59,6 +59,7 @@ impl RoundCubic {
     /// curve, or 2^-24 of the distance of the ray's origin, is a [`RoundSegment`](crate::RoundSegment); the depth is known beforehand from the second derivatives (Wang 1984).
     /// Neighbors share a ball, so there are no gaps. The union of the spans of all parts is the span of the solid.
     #[doc(hidden)]
+    #[inline(always)]
     #[must_use]
     pub fn event_scaled(&self, ray: &ScaledRay, t_max: f32) -> Option<CurvePoint> {
         let frame = RayFrame::new(ray.origin, ray.direction);
@@ -69,26 +70,17 @@ impl RoundCubic {
         match meeting(&whole, &bends) {
             Meeting::None => None,
             Meeting::Single(part) => {
-                let start = part.entry()?;
+                let limits = limits([ray.t_min, t_max], frame.length);
+                let start = part.entry(limits)?;
                 let mut event = point(start, true);
                 if event.t < ray.t_min {
-                    event = point(part.exit(start), false);
+                    event = point(part.exit(start, limits)?, false);
                 }
                 Some(event).filter(is_within)
             }
             Meeting::Any => {
-                let walk = Walk::new(&whole, bends, [ray.t_min, t_max], frame.length);
-                let mut spans = walk.spans(&whole, true);
-                let is_inside =
-                    |[entry, exit]: Ends| point(entry, true).t < ray.t_min && ray.t_min <= point(exit, false).t;
-                // Where the ray starts inside, entries into other parts are inside as well, and what comes after them counts.
-                if spans.all().any(is_inside) {
-                    spans = walk.spans(&whole, false);
-                }
-                let events =
-                    spans.all().flat_map(|[entry, exit]| [(entry.0, point(entry, true)), (exit.0, point(exit, false))]);
-                let within = events.filter(|(_, event)| is_within(event));
-                within.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, event)| event)
+                let limits = limits([ray.t_min, t_max], frame.length);
+                first_event(&whole, bends, limits, frame.length, [ray.t_min, t_max])
             }
         }
     }
@@ -125,49 +117,90 @@ impl RoundCubic {
     }
 }
 
+/// The first event of a curve that a line may meet in several intervals of parameters.
+#[inline(never)]
+fn first_event(
+    whole: &Control,
+    bends: Bends,
+    limits: [f64; 2],
+    length: f64,
+    [t_min, t_max]: [f32; 2],
+) -> Option<CurvePoint> {
+    let walk = Walk { bends, depth: halvings(whole, &bends), limits };
+    let mut spans = walk.spans(whole, true);
+    let at = |z: f64| nearest(z / length);
+    // Where the ray starts inside, entries into other parts are inside as well, and what comes after them counts.
+    if spans.all().any(|[entry, exit]| at(entry.0) < t_min && t_min <= at(exit.0)) {
+        spans = walk.spans(whole, false);
+    }
+    let events = spans.all().flat_map(|[entry, exit]| [(entry, true), (exit, false)]);
+    let within = events.filter(|&((z, _), _)| (t_min..=t_max).contains(&at(z)));
+    // By the position, of which others may round to the same `t`.
+    let ((z, u), is_entry) = within.min_by(|((a, _), _), ((b, _), _)| a.total_cmp(b))?;
+    Some(CurvePoint { t: at(z), u: u as f32, is_entry })
+}
+
+/// A part that the walk has not reached.
+#[derive(Clone, Copy)]
+struct Waiting {
+    part: Control,
+    /// Where the line may meet it.
+    extent: [f64; 2],
+    /// The number of halvings.
+    level: u32,
+    /// Its number among the parts of its level.
+    place: u32,
+}
+
 /// A ray through the parts of a curve.
 struct Walk {
     bends: Bends,
     depth: u32,
-    /// Positions that round to a `t` outside of the interval are outside of these.
+    /// See [`limits`].
     limits: [f64; 2],
 }
 
-impl Walk {
-    fn new(whole: &Control, bends: Bends, [t_min, t_max]: [f32; 2], length: f64) -> Self {
-        let [low, high] = [t_min.next_down(), t_max.next_up()].map(|t| f64::from(t) * length);
-        let limits = [low - MARGIN * low.abs(), high + MARGIN * high.abs()];
-        Self { bends, depth: halvings(whole, &bends), limits }
-    }
+/// Positions that round to a `t` outside of the interval are outside of these.
+#[inline]
+fn limits([t_min, t_max]: [f32; 2], length: f64) -> [f64; 2] {
+    let [low, high] = [t_min.next_down(), t_max.next_up()].map(|t| f64::from(t) * length);
+    [low - MARGIN * low.abs(), high + MARGIN * high.abs()]
+}
 
+impl Walk {
     /// The spans of the parts that overlap the interval; with `to_entry`, up to the first entry of any part.
     fn spans(&self, whole: &Control, to_entry: bool) -> Spans {
         let [low, mut high] = self.limits;
         let mut spans = Spans { list: [Spans::EMPTY; MAX_SPANS], n: 0 };
-        // Parts that wait, each with the number of its level and its place in it.
-        let mut stack = [(*whole, self.bends, 0_u32, 0_u32); MAX_DEPTH as usize + 1];
+        let Some(first) = extent(whole) else { return spans };
+        let mut stack = [Waiting { part: *whole, extent: first, level: 0, place: 0 }; MAX_DEPTH as usize + 1];
         let mut n_waiting = 1;
         while n_waiting > 0 {
             n_waiting -= 1;
-            let (part, bends, level, place) = stack[n_waiting];
-            let [start, end] = extent(&part);
+            let Waiting { part, extent: [start, end], level, place } = stack[n_waiting];
             if end < low || start > high || spans.contain(start.max(low), end) {
                 continue;
             }
-            let ends = match meeting(&part, &bends) {
+            let ends = match meeting(&part, &self.bends.of_parts(level)) {
                 Meeting::None => continue,
-                Meeting::Single(part) => part.entry().map(|entry| [entry, part.exit(entry)]),
+                Meeting::Single(part) => part.ends(),
                 Meeting::Any if level == self.depth => segment_ends(&part),
                 Meeting::Any => {
-                    let bends = bends.of_halves();
-                    let mut both = halves(&part).map(|half| (half, bends, level + 1, 2 * place));
-                    both[1].3 += 1;
+                    let [a, b] = halves(&part);
+                    let waiting = |part: Control, place: u32| {
+                        Some(Waiting { part, extent: extent(&part)?, level: level + 1, place })
+                    };
+                    let mut both = [waiting(a, 2 * place), waiting(b, 2 * place + 1)];
                     // The half that begins first is taken first.
-                    if extent(&both[0].0)[0] < extent(&both[1].0)[0] {
+                    if let [Some(a), Some(b)] = &both
+                        && a.extent[0] < b.extent[0]
+                    {
                         both.reverse();
                     }
-                    stack[n_waiting..n_waiting + 2].copy_from_slice(&both);
-                    n_waiting += 2;
+                    for half in both.into_iter().flatten() {
+                        stack[n_waiting] = half;
+                        n_waiting += 1;
+                    }
                     continue;
                 }
             };
@@ -208,14 +241,26 @@ fn halvings(whole: &Control, bends: &Bends) -> u32 {
 /// More than all roundings of a position, relative to the sizes.
 const MARGIN: f64 = 1e-13;
 
-/// An interval of positions along the line that contains a part.
-fn extent(part: &Control) -> [f64; 2] {
-    let [mut low, mut high, mut size] = [f64::INFINITY, f64::NEG_INFINITY, 0.0_f64];
+/// An interval of positions along the line that contains where it meets a part; `None` where it passes a circle around the part.
+fn extent(part: &Control) -> Option<[f64; 2]> {
+    let [[ax, ay, ..], .., [dx, dy, ..]] = part;
+    let middle = [0.5 * (ax + dx), 0.5 * (ay + dy)];
+    let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+    let [mut spread, mut greatest, mut size] = [0.0_f64; 3];
     for [x, y, z, radius] in part {
-        (low, high) = (low.min(z - radius), high.max(z + radius));
+        (low, high) = (low.min(*z), high.max(*z));
+        let off = [x - middle[0], y - middle[1]];
+        spread = spread.max(off[0] * off[0] + off[1] * off[1]);
+        greatest = greatest.max(*radius);
         size = size.max(x.abs() + y.abs() + z.abs() + radius);
     }
-    [low - MARGIN * size, high + MARGIN * size]
+    // All centers are this far from the line at least.
+    let away = sqrt(middle[0] * middle[0] + middle[1] * middle[1]) - sqrt(spread) - MARGIN * size;
+    if away > greatest {
+        return None;
+    }
+    let half_chord = if away > 0.0 { sqrt((greatest - away) * (greatest + away)) } else { greatest };
+    Some([low - half_chord - MARGIN * size, high + half_chord + MARGIN * size])
 }
 
 /// Spans that do not overlap.

@@ -125,7 +125,7 @@ impl Primitive for RoundCubic {
         Moments::from_points(self.points)
     }
 
-    #[inline]
+    #[inline(always)]
     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
         let CurvePoint { t, u, is_entry } = self.event_scaled(ray, t_max)?;
         Some(PrimitiveHit { t, u, v: 0.0, side: if is_entry { Side::Front } else { Side::Back } })

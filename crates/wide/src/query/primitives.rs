@@ -6,7 +6,8 @@ use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray
 use super::boxes::Order;
 use super::sink::{AllHits, AnyHit, BestHit};
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, hit};
+use crate::leaf::{Primitive, PrimitiveHit, hit};
+use crate::simd::{Simd, Task};
 use crate::traverse::{Pads, TracedRay, for_each_of_eight};
 
 impl<P: Primitive> Intersect for WideBvh<P> {
@@ -108,7 +109,9 @@ impl<P: Primitive> WideBvh<P> {
         mut take: impl FnMut(&ScaledRay, Hit, f32) -> f32,
     ) -> f32 {
         let primitive = &self.leaves.primitives[id.index()];
-        let Some(mut found) = primitive.intersect(ray, t_max) else { return t_max };
+        // With the instructions of the path, which change no bit.
+        let intersect = |ray: &ScaledRay, t_max: f32| self.path.run(Test { primitive, ray, t_max });
+        let Some(mut found) = intersect(ray, t_max) else { return t_max };
         let mut ray = *ray;
         loop {
             // A primitive that breaks its contract must not keep the traversal from ending.
@@ -120,11 +123,27 @@ impl<P: Primitive> WideBvh<P> {
             if ray.t_min > t_max {
                 break;
             }
-            match primitive.intersect(&ray, t_max) {
+            match intersect(&ray, t_max) {
                 Some(next) => found = next,
                 None => break,
             }
         }
         t_max
+    }
+}
+
+/// The test of one primitive.
+struct Test<'a, P> {
+    primitive: &'a P,
+    ray: &'a ScaledRay,
+    t_max: f32,
+}
+
+impl<P: Primitive> Task for Test<'_, P> {
+    type Output = Option<PrimitiveHit>;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, _: S) -> Self::Output {
+        self.primitive.intersect(self.ray, self.t_max)
     }
 }
