@@ -4,12 +4,18 @@
 //! where `q(u) = |p|² - r² <= 0`, from `z - w` to `z + w` with `w² = -q`. So the line enters a part at the least `z - w`, and leaves it at the
 //! greatest `z + w`.
 
-use canted_obb::vector::{Vector, dot, sqrt, sub, to_f64};
+use canted_obb::vector::{Vector, sqrt, sub};
 
 use crate::round_segment::span;
 
 /// Control balls of a part: the center in the frame of the ray, and the radius.
 pub(crate) type Control = [[f64; 4]; 4];
+
+/// The four numbers of a ball. Written out, as calls within what a SIMD path inlines lose its instructions.
+#[inline(always)]
+fn lanes(number: impl Fn(usize) -> f64) -> [f64; 4] {
+    [number(0), number(1), number(2), number(3)]
+}
 
 /// Where a line enters and leaves a part: the position along the line, and the parameter within the part.
 pub(crate) type Ends = [(f64, f64); 2];
@@ -17,7 +23,7 @@ pub(crate) type Ends = [(f64, f64); 2];
 /// Three orthogonal unit vectors, the last of which is the direction of a ray.
 pub(crate) struct RayFrame {
     axes: [Vector; 3],
-    origin: Vector,
+    origin: [f32; 3],
     /// Of the direction.
     pub(crate) length: f64,
 }
@@ -26,22 +32,24 @@ impl RayFrame {
     /// The axes across the direction are those of Duff et al. 2017.
     #[inline(always)]
     pub(crate) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let d = to_f64(direction);
-        let length = sqrt(dot(d, d));
-        let [x, y, z] = d.map(|c| c / length);
+        let [x, y, z] = direction;
+        let [x, y, z] = [f64::from(x), f64::from(y), f64::from(z)];
+        let length = sqrt(x * x + y * y + z * z);
+        let [x, y, z] = [x / length, y / length, z / length];
         let sign = if z < 0.0 { -1.0 } else { 1.0 };
         let a = -1.0 / (sign + z);
         let b = x * y * a;
         let axes = [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], [x, y, z]];
-        Self { axes, origin: to_f64(origin), length }
+        Self { axes, origin, length }
     }
 
     /// A control ball in this frame.
     #[inline(always)]
     pub(crate) fn ball(&self, center: [f32; 3], radius: f32) -> [f64; 4] {
-        let c = sub(to_f64(center), self.origin);
-        let [x, y, z] = self.axes.map(|axis| dot(axis, c));
-        [x, y, z, f64::from(radius)]
+        let from_origin = |k: usize| f64::from(center[k]) - f64::from(self.origin[k]);
+        let (x, y, z) = (from_origin(0), from_origin(1), from_origin(2));
+        let along = |axis: Vector| axis[0] * x + axis[1] * y + axis[2] * z;
+        [along(self.axes[0]), along(self.axes[1]), along(self.axes[2]), f64::from(radius)]
     }
 }
 
@@ -63,9 +71,8 @@ impl Bends {
     #[inline(always)]
     pub(crate) fn new(part: &Control) -> Self {
         let [p, q, r, s] = part;
-        let second = |a: &[f64; 4], b: &[f64; 4], c: &[f64; 4]| -> [f64; 4] {
-            core::array::from_fn(|k| 6.0 * (a[k] - 2.0 * b[k] + c[k]))
-        };
+        let second =
+            |a: &[f64; 4], b: &[f64; 4], c: &[f64; 4]| -> [f64; 4] { lanes(|k| 6.0 * (a[k] - 2.0 * b[k] + c[k])) };
         let [a, b] = [second(p, q, r), second(q, r, s)];
         let across = |v: &[f64; 4]| v[0] * v[0] + v[1] * v[1];
         Self {
@@ -93,7 +100,7 @@ impl Bends {
 /// De Casteljau's halves.
 #[inline]
 pub(crate) fn halves(part: &Control) -> [Control; 2] {
-    let mid = |a: &[f64; 4], b: &[f64; 4]| -> [f64; 4] { core::array::from_fn(|k| 0.5 * (a[k] + b[k])) };
+    let mid = |a: &[f64; 4], b: &[f64; 4]| -> [f64; 4] { lanes(|k| 0.5 * (a[k] + b[k])) };
     let [a, b, c, d] = part;
     let [ab, bc, cd] = [mid(a, b), mid(b, c), mid(c, d)];
     let [abc, bcd] = [mid(&ab, &bc), mid(&bc, &cd)];
@@ -115,8 +122,8 @@ pub(crate) enum Meeting {
 pub(crate) struct SinglePart {
     /// The coefficients of the powers of the parameter.
     powers: Control,
-    /// About the parameter of the entry.
-    start: f64,
+    /// About the parameters of the entry and of the exit.
+    starts: [f64; 2],
     /// The chord across the line.
     chord: [f64; 2],
     /// Its square.
@@ -179,9 +186,9 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     let convexity = least * least / chord_squared - bend;
     let powers = [
         *a,
-        core::array::from_fn(|k| 3.0 * (b[k] - a[k])),
-        core::array::from_fn(|k| 3.0 * (a[k] - 2.0 * b[k] + c[k])),
-        core::array::from_fn(|k| d[k] - a[k] + 3.0 * (b[k] - c[k])),
+        lanes(|k| 3.0 * (b[k] - a[k])),
+        lanes(|k| 3.0 * (a[k] - 2.0 * b[k] + c[k])),
+        lanes(|k| d[k] - a[k] + 3.0 * (b[k] - c[k])),
     ];
     // Where the cone of the chord, moved by the bulge of the curve, is entered.
     let recip = 1.0 / chord_squared;
@@ -191,7 +198,7 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     let slope = d[2] - a[2];
     let depth = (reach - aside * aside).max(0.0) * recip;
     let shift = slope * sqrt(depth / (chord_squared * (chord_squared + slope * slope)));
-    Meeting::Single(SinglePart { powers, chord, chord_squared, radius, convexity, start: (u - shift).clamp(0.0, 1.0) })
+    Meeting::Single(SinglePart { powers, chord, chord_squared, radius, convexity, starts: [u - shift, u + shift] })
 }
 
 /// A speed across the line below this part of the coordinates is not told from roundings.
@@ -210,20 +217,19 @@ impl SinglePart {
     /// Where the line enters the part; `None` for a miss. An entry outside of the interval need not be exact, nor one beyond it found.
     #[inline(always)]
     pub(crate) fn entry(&self, limits: [f64; 2]) -> Option<(f64, f64)> {
-        self.least(1.0, self.start, limits)
+        self.least(1.0, self.starts[0], limits)
     }
 
-    /// Where the line leaves the part, given where it enters. An exit outside of the interval need not be exact, nor one before it found.
+    /// Where the line leaves the part. An exit outside of the interval need not be exact, nor one before it found.
     #[inline(always)]
-    pub(crate) fn exit(&self, (_, u): (f64, f64), [low, high]: [f64; 2]) -> Option<(f64, f64)> {
-        self.least(-1.0, u, [-high, -low]).map(|(z, u)| (-z, u))
+    pub(crate) fn exit(&self, [low, high]: [f64; 2]) -> Option<(f64, f64)> {
+        self.least(-1.0, self.starts[1], [-high, -low]).map(|(z, u)| (-z, u))
     }
 
     /// Both, exact.
     pub(crate) fn ends(&self) -> Option<Ends> {
         let everything = [f64::NEG_INFINITY, f64::INFINITY];
-        let entry = self.entry(everything)?;
-        Some([entry, self.exit(entry, everything)?])
+        Some([self.entry(everything)?, self.exit(everything)?])
     }
 
     /// The least `sign·z - w` and its parameter. Any value below `low` will do, and none above `high` is needed.
@@ -240,12 +246,12 @@ impl SinglePart {
     #[inline(always)]
     fn least(&self, sign: f64, start: f64, [enough, limit]: [f64; 2]) -> Option<(f64, f64)> {
         let Self { powers: [c0, c1, c2, c3], chord, chord_squared, radius, convexity, .. } = self;
-        let (mut low, mut high, mut u) = (-1.0, 2.0, start);
+        let (mut low, mut high, mut u) = (-1.0, 2.0, start.clamp(0.0, 1.0));
         let mut best = None;
         for step in 0..MAX_STEPS {
-            let value: [f64; 4] = core::array::from_fn(|k| ((c3[k] * u + c2[k]) * u + c1[k]) * u + c0[k]);
-            let first: [f64; 4] = core::array::from_fn(|k| (3.0 * c3[k] * u + 2.0 * c2[k]) * u + c1[k]);
-            let second: [f64; 4] = core::array::from_fn(|k| 6.0 * c3[k] * u + 2.0 * c2[k]);
+            let value = lanes(|k| ((c3[k] * u + c2[k]) * u + c1[k]) * u + c0[k]);
+            let first = lanes(|k| (3.0 * c3[k] * u + 2.0 * c2[k]) * u + c1[k]);
+            let second = lanes(|k| 6.0 * c3[k] * u + 2.0 * c2[k]);
             // Products of the centers less that of the radii.
             let form = |a: &[f64; 4], b: &[f64; 4]| a[0] * b[0] + a[1] * b[1] - a[3] * b[3];
             let (q, g, h) = (form(&value, &value), form(&value, &first), form(&first, &first) + form(&value, &second));

@@ -63,7 +63,8 @@ impl RoundCubic {
     #[must_use]
     pub fn event_scaled(&self, ray: &ScaledRay, t_max: f32) -> Option<CurvePoint> {
         let frame = RayFrame::new(ray.origin, ray.direction);
-        let whole: Control = core::array::from_fn(|i| frame.ball(self.points[i], self.radii[i]));
+        let ball = |i: usize| frame.ball(self.points[i], self.radii[i]);
+        let whole = [ball(0), ball(1), ball(2), ball(3)];
         let bends = Bends::new(&whole);
         let point = |(z, u): (f64, f64), is_entry| CurvePoint { t: nearest(z / frame.length), u: u as f32, is_entry };
         let is_within = |point: &CurvePoint| ray.t_min <= point.t && point.t <= t_max;
@@ -71,10 +72,9 @@ impl RoundCubic {
             Meeting::None => None,
             Meeting::Single(part) => {
                 let limits = limits([ray.t_min, t_max], frame.length);
-                let start = part.entry(limits)?;
-                let mut event = point(start, true);
+                let mut event = point(part.entry(limits)?, true);
                 if event.t < ray.t_min {
-                    event = point(part.exit(start, limits)?, false);
+                    event = point(part.exit(limits)?, false);
                 }
                 Some(event).filter(is_within)
             }
