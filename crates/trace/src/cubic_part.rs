@@ -124,6 +124,8 @@ pub(crate) struct SinglePart {
     powers: Control,
     /// About the parameters of the entry and of the exit.
     starts: [f64; 2],
+    /// About the position between both.
+    middle: f64,
     /// The chord across the line.
     chord: [f64; 2],
     /// Its square.
@@ -198,7 +200,15 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     let slope = d[2] - a[2];
     let depth = (reach - aside * aside).max(0.0) * recip;
     let shift = slope * sqrt(depth / (chord_squared * (chord_squared + slope * slope)));
-    Meeting::Single(SinglePart { powers, chord, chord_squared, radius, convexity, starts: [u - shift, u + shift] })
+    Meeting::Single(SinglePart {
+        powers,
+        chord,
+        chord_squared,
+        radius,
+        convexity,
+        starts: [u - shift, u + shift],
+        middle: a[2] + u * slope,
+    })
 }
 
 /// A speed across the line below this part of the coordinates is not told from roundings.
@@ -218,6 +228,12 @@ impl SinglePart {
     #[inline(always)]
     pub(crate) fn entry(&self, limits: [f64; 2]) -> Option<(f64, f64)> {
         self.least(1.0, self.starts[0], limits)
+    }
+
+    /// Whether the line probably leaves the part before this position.
+    #[inline(always)]
+    pub(crate) fn is_before(&self, z: f64) -> bool {
+        self.middle < z
     }
 
     /// Where the line leaves the part. An exit outside of the interval need not be exact, nor one before it found.

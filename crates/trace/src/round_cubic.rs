@@ -1,6 +1,6 @@
 //! A cubic curve with a thickness: all points of the balls whose center and radius are cubic polynomials.
 
-use canted_obb::vector::{sqrt, to_f64};
+use canted_obb::vector::sqrt;
 
 use crate::ScaledRay;
 use crate::cubic_part::{Bends, Control, Ends, Meeting, RayFrame, halves, meeting, segment_ends};
@@ -72,31 +72,23 @@ impl RoundCubic {
             Meeting::None => None,
             Meeting::Single(part) => {
                 let limits = limits([ray.t_min, t_max], frame.length);
-                let mut event = point(part.entry(limits)?, true);
-                if event.t < ray.t_min {
-                    event = point(part.exit(limits)?, false);
+                // A part that the ray leaves before it starts needs no entry.
+                let exit = if part.is_before(limits[0]) { Some(part.exit(limits)?) } else { None };
+                let entry = point(part.entry(limits)?, true);
+                if entry.t >= ray.t_min {
+                    return Some(entry).filter(is_within);
                 }
-                Some(event).filter(is_within)
+                let exit = match exit {
+                    Some(exit) => exit,
+                    None => part.exit(limits)?,
+                };
+                Some(point(exit, false)).filter(is_within)
             }
             Meeting::Any => {
                 let limits = limits([ray.t_min, t_max], frame.length);
                 first_event(&whole, bends, limits, frame.length, [ray.t_min, t_max])
             }
         }
-    }
-
-    /// The four quarters of the curve, center and radius of their control balls in f64: their convex hull is tighter than that of the
-    /// curve's own.
-    #[doc(hidden)]
-    #[must_use]
-    pub fn quarters(&self) -> [[[f64; 4]; 4]; 4] {
-        let whole = core::array::from_fn(|i| {
-            let [x, y, z] = to_f64(self.points[i]);
-            [x, y, z, f64::from(self.radii[i])]
-        });
-        let [a, b] = halves(&whole);
-        let [[a, b], [c, d]] = [halves(&a), halves(&b)];
-        [a, b, c, d]
     }
 
     /// Center and radius of the ball at a parameter in 0..=1, and the derivatives of both.

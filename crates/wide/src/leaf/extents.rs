@@ -47,6 +47,40 @@ pub(super) fn extent_of_balls(balls: &[[f64; 4]], direction: [f32; 3]) -> [f32; 
     [down(lo), up(hi)]
 }
 
+/// As [`extent_of_points`], over the balls of a cubic curve, given its control balls (center and radius): of the four quarters of the curve, whose
+/// hulls are tighter than that of its own. Both ends of the interval of a ball are cubic polynomials of its parameter.
+///
+/// Six means follow one another, each with a rounding: the error covers them, too.
+pub(super) fn extent_of_cubic(balls: &[[f32; 4]; 4], direction: [f32; 3]) -> [f32; 2] {
+    let d = direction.map(f64::from);
+    let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+    let (mut lows, mut highs, mut size) = ([0.0; 4], [0.0; 4], 0.0_f64);
+    for i in 0..4 {
+        let [x, y, z, radius] = balls[i].map(f64::from);
+        let (terms, reach) = ([d[0] * x, d[1] * y, d[2] * z], radius * length);
+        let at = terms[0] + terms[1] + terms[2];
+        (lows[i], highs[i]) = (reach - at, at + reach);
+        size = size.max(terms[0].abs() + terms[1].abs() + terms[2].abs() + reach);
+    }
+    let error = 4.0 * EXTENT_ERROR * size;
+    [down(-greatest_of_quarters(lows) - error), up(greatest_of_quarters(highs) + error)]
+}
+
+/// The greatest control value of the quarters of a cubic polynomial with these.
+fn greatest_of_quarters(whole: [f64; 4]) -> f64 {
+    let mid = |a: f64, b: f64| 0.5 * (a + b);
+    let halves = |[a, b, c, d]: [f64; 4]| {
+        let (ab, bc, cd) = (mid(a, b), mid(b, c), mid(c, d));
+        let (abc, bcd) = (mid(ab, bc), mid(bc, cd));
+        let middle = mid(abc, bcd);
+        [[a, ab, abc, middle], [middle, bcd, cd, d]]
+    };
+    let greatest = |[a, b, c, d]: [f64; 4]| a.max(b).max(c.max(d));
+    let [left, right] = halves(whole);
+    let [[a, b], [c, d]] = [halves(left), halves(right)];
+    greatest(a).max(greatest(b)).max(greatest(c).max(greatest(d)))
+}
+
 /// The interval of `direction·x` over a box, rounded outward.
 #[must_use]
 pub fn extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f32; 2] {

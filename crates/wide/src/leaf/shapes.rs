@@ -3,7 +3,7 @@
 use canted_obb::{Aabb, Moments};
 use canted_trace::{CurvePoint, RoundCubic, RoundSegment, ScaledRay, SegmentPoint, Side, Sphere};
 
-use super::extents::{bounds_of_points, extent_of_balls, extent_of_points};
+use super::extents::{bounds_of_points, extent_of_balls, extent_of_cubic, extent_of_points};
 use super::primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 
 /// Front where the ray enters, back where it leaves; surface coordinates are 0.
@@ -106,7 +106,7 @@ impl SavedPrimitive for RoundSegment {
 impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
-    const COST: f32 = 40.0;
+    const COST: f32 = 20.0;
 
     fn bounds(&self) -> Aabb {
         if !self.points.as_flattened().iter().chain(&self.radii).all(|x| x.is_finite()) {
@@ -118,7 +118,7 @@ impl Primitive for RoundCubic {
     }
 
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
-        extent_of_balls(self.quarters().as_flattened(), direction)
+        extent_of_cubic(&self.to_data(), direction)
     }
 
     fn moments(&self) -> Moments {
