@@ -320,6 +320,9 @@ impl SinglePart {
             if step >= CONE_STEPS || !(low < next && next < high) {
                 next = 0.5 * (low.max(0.0) + high.min(1.0));
             }
+            if next == u {
+                break;
+            }
             u = next;
         }
         best
@@ -331,4 +334,145 @@ pub(crate) fn segment_ends(part: &Control) -> Option<Ends> {
     let [p0, .., p1] = part;
     let [a, b] = [p0, p1].map(|[x, y, z, _]| [*x, *y, *z]);
     span([-a[0], -a[1], -a[2]], [0.0, 0.0, 1.0], sub(b, a), [p0[3], p1[3]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers in 0..1 (SplitMix64).
+    fn random(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        move || {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut x = state;
+            x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((x ^ x >> 31) >> 11) as f64 / (1_u64 << 53) as f64
+        }
+    }
+
+    const EVERYTHING: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+    /// Parts of many forms near the line, in its frame.
+    fn parts(n: usize) -> impl Iterator<Item = Control> {
+        let mut random = random(5);
+        (0..n).map(move |i| {
+            let radius = [0.3, 0.02, 1e-3, 1.0][i % 4];
+            let change = [0.0, 0.1, 1.0][i / 4 % 3];
+            let bend = [0.02, 0.1, 0.5, 0.0, 2.0][i / 12 % 5];
+            let steepness = [0.2, 1.0, 8.0][i / 60 % 3];
+            let mut number = || 2.0 * random() - 1.0;
+            // Along a chord that passes the line about as far away as the radius.
+            let aside = 1.5 * radius * number();
+            let at = 0.5 + 0.6 * number();
+            core::array::from_fn(|i| {
+                let s = i as f64 / 3.0 - at;
+                let [x, y, z] = [s, aside, 7.0 + steepness * s].map(|x| x + bend * number());
+                [x, y, z, radius * (1.0 + change * number()).max(0.0)]
+            })
+        })
+    }
+
+    /// The least `sign·z - w` over balls that the line meets, by many parameters and then by smaller steps around the best of these.
+    fn least_of_balls(part: &Control, sign: f64) -> Option<(f64, f64)> {
+        let value = |u: f64| {
+            let v = 1.0 - u;
+            let weights = [v * v * v, 3.0 * u * v * v, 3.0 * u * u * v, u * u * u];
+            let [x, y, z, r]: [f64; 4] = core::array::from_fn(|k| (0..4).map(|i| weights[i] * part[i][k]).sum());
+            let squared = r * r - x * x - y * y;
+            (squared >= 0.0).then(|| sign * z - sqrt(squared))
+        };
+        let best_of = |low: f64, high: f64| {
+            let at = |i: i32| (low + (high - low) * f64::from(i) / 400.0).clamp(0.0, 1.0);
+            let found = (0..=400).filter_map(|i| Some((value(at(i))?, at(i))));
+            found.min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut best = best_of(0.0, 1.0)?;
+        let mut step = 1.0 / 400.0;
+        for _ in 0..6 {
+            best = best_of(best.1 - step, best.1 + step)?;
+            step /= 100.0;
+        }
+        Some(best)
+    }
+
+    /// The greatest error of the ends of single parts, relative to their size; lost hits; the number of single parts and of their hits.
+    fn errors(bends: impl Fn(&Control) -> Bends, n: usize) -> (f64, usize, [usize; 2]) {
+        let (mut greatest, mut n_lost, mut n_single, mut n_hits) = (0.0_f64, 0, 0, 0);
+        for part in parts(n) {
+            let Meeting::Single(single) = meeting(&part, &bends(&part)) else { continue };
+            n_single += 1;
+            for (sign, end) in [(1.0, single.entry(EVERYTHING)), (-1.0, single.exit(EVERYTHING))] {
+                match (least_of_balls(&part, sign), end) {
+                    (Some((want, _)), Some((z, u))) => {
+                        n_hits += 1;
+                        assert!((0.0..=1.0).contains(&u));
+                        greatest = greatest.max((sign * z - want) / (z.abs() + 1.0));
+                    }
+                    (Some(_), None) => n_lost += 1,
+                    // The balls of the oracle may all be beside a line that touches one between them.
+                    (None, _) => (),
+                }
+            }
+        }
+        (greatest, n_lost, [n_single, n_hits])
+    }
+
+    #[test]
+    fn ends_of_single_parts_are_those_of_their_balls() {
+        let (error, n_lost, [n_single, n_hits]) = errors(Bends::new, 30_000);
+        assert!(error < 2.0 * TOLERANCE && n_lost == 0, "off by {error:e}, {n_lost} lost");
+        assert!(n_single > 7000 && n_hits > 8000, "{n_single} single parts, {n_hits} hits");
+    }
+
+    #[test]
+    fn parts_that_bend_more_than_is_said_have_other_ends() {
+        let straight = |_: &Control| Bends { across: 0.0, along: 0.0, radius: 0.0, slope: 0.0 };
+        let (error, n_lost, _) = errors(straight, 30_000);
+        assert!(error > 1e-3 && n_lost > 0, "off by {error:e}, {n_lost} lost");
+    }
+
+    /// What a line passes has no ball that it meets.
+    #[test]
+    fn lines_pass_what_they_miss() {
+        let (mut n_passed, mut n_missed) = (0, 0);
+        for part in parts(30_000) {
+            let meets = least_of_balls(&part, 1.0).is_some();
+            n_missed += usize::from(!meets);
+            if let Meeting::None = meeting(&part, &Bends::new(&part)) {
+                n_passed += 1;
+                assert!(!meets, "{part:?}");
+            }
+        }
+        assert!(4 * n_passed > n_missed, "{n_passed} of {n_missed}");
+    }
+
+    /// Another interval hides an end but does not change it.
+    #[test]
+    fn ends_do_not_depend_on_the_interval() {
+        let mut random = random(6);
+        let mut n_hidden = 0;
+        for part in parts(30_000) {
+            let Meeting::Single(single) = meeting(&part, &Bends::new(&part)) else { continue };
+            let Some([entry, exit]) = single.ends() else { continue };
+            for _ in 0..4 {
+                let near = if random() < 0.5 { entry.0 } else { exit.0 } + 1e-3 * (random() - 0.5);
+                let [low, high] = if random() < 0.5 { [near, near + random()] } else { [near - random(), near] };
+                let (found, found_exit) = (single.entry([low, high]), single.exit([low, high]));
+                match found {
+                    Some(found) if found.0 >= low => assert_eq!(found, entry),
+                    Some(_) => assert!(entry.0 < low),
+                    None => assert!(entry.0 > high),
+                }
+                match found_exit {
+                    Some(found) if found.0 <= high => assert_eq!(found, exit),
+                    Some(_) => assert!(exit.0 > high),
+                    None => assert!(exit.0 < low),
+                }
+                n_hidden += usize::from(found.is_none() || found_exit.is_none());
+            }
+        }
+        assert!(n_hidden > 1000, "{n_hidden}");
+    }
 }

@@ -106,6 +106,35 @@ fn rays_enter_and_leave_the_union_of_the_balls() {
     assert!(n_hits > n / 2 && n_inside > 20, "{n_hits} of {n}, {n_inside} from inside");
 }
 
+/// A later start hides events but does not change those after it, nor does an earlier end; entries and exits take turns.
+#[test]
+fn events_do_not_depend_on_the_interval() {
+    let mut rng = SplitMix64::new(17);
+    let (mut n, mut n_later) = (0, 0);
+    for curve in curves(&mut rng) {
+        for i in 0..120 {
+            let ray = ray_at(&curve, &mut rng, i);
+            let mut scaled = ScaledRay::new(&ray).expect("a valid ray");
+            let mut was_entry = None;
+            while let Some(event) = curve.event_scaled(&scaled, f32::INFINITY) {
+                n += 1;
+                assert!(was_entry != Some(event.is_entry), "{curve:?} {ray:?} {event:?}");
+                n_later += usize::from(was_entry.is_some());
+                was_entry = Some(event.is_entry);
+                assert_eq!(curve.event_scaled(&scaled, event.t), Some(event), "{curve:?} {ray:?}");
+                if event.t > scaled.t_min {
+                    assert_eq!(curve.event_scaled(&scaled, event.t.next_down()), None, "{curve:?} {ray:?} {event:?}");
+                    let mut later = scaled;
+                    later.t_min = event.t;
+                    assert_eq!(curve.event_scaled(&later, f32::INFINITY), Some(event), "{curve:?} {ray:?}");
+                }
+                scaled.t_min = event.t.next_up();
+            }
+        }
+    }
+    assert!(n > 3000 && n_later > 1000, "{n} events, {n_later} later ones");
+}
+
 #[test]
 fn a_straight_curve_is_a_round_segment() {
     let curve = RoundCubic { points: std::array::from_fn(|i| [i as f32, 0.0, 0.0]), radii: [0.5; 4] };
