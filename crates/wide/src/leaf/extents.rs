@@ -56,8 +56,9 @@ pub(super) fn extent_of_cubic(balls: &[[f32; 4]; 4], direction: [f32; 3]) -> [f3
     let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
     let (mut lows, mut highs, mut size) = ([0.0; 4], [0.0; 4], 0.0_f64);
     for i in 0..4 {
-        let [x, y, z, radius] = balls[i].map(f64::from);
-        let (terms, reach) = ([d[0] * x, d[1] * y, d[2] * z], radius * length);
+        let [x, y, z, radius] = balls[i];
+        let (terms, reach) =
+            ([d[0] * f64::from(x), d[1] * f64::from(y), d[2] * f64::from(z)], f64::from(radius) * length);
         let at = terms[0] + terms[1] + terms[2];
         (lows[i], highs[i]) = (reach - at, at + reach);
         size = size.max(terms[0].abs() + terms[1].abs() + terms[2].abs() + reach);
@@ -67,18 +68,26 @@ pub(super) fn extent_of_cubic(balls: &[[f32; 4]; 4], direction: [f32; 3]) -> [f3
 }
 
 /// The greatest control value of the quarters of a cubic polynomial with these.
+#[inline]
 fn greatest_of_quarters(whole: [f64; 4]) -> f64 {
+    // As one instruction, without a rule for NaN.
+    let greater = |a: f64, b: f64| if a > b { a } else { b };
     let mid = |a: f64, b: f64| 0.5 * (a + b);
-    let halves = |[a, b, c, d]: [f64; 4]| {
+    // What is new in the halves.
+    let inner = |[a, b, c, d]: [f64; 4]| {
         let (ab, bc, cd) = (mid(a, b), mid(b, c), mid(c, d));
         let (abc, bcd) = (mid(ab, bc), mid(bc, cd));
-        let middle = mid(abc, bcd);
-        [[a, ab, abc, middle], [middle, bcd, cd, d]]
+        [ab, abc, mid(abc, bcd), bcd, cd]
     };
-    let greatest = |[a, b, c, d]: [f64; 4]| a.max(b).max(c.max(d));
-    let [left, right] = halves(whole);
-    let [[a, b], [c, d]] = [halves(left), halves(right)];
-    greatest(a).max(greatest(b)).max(greatest(c).max(greatest(d)))
+    let [a, .., d] = whole;
+    let [ab, abc, middle, bcd, cd] = inner(whole);
+    let mut greatest = greater(greater(a, d), middle);
+    for half in [[a, ab, abc, middle], [middle, bcd, cd, d]] {
+        for value in inner(half) {
+            greatest = greater(greatest, value);
+        }
+    }
+    greatest
 }
 
 /// The interval of `direction·x` over a box, rounded outward.
