@@ -147,8 +147,8 @@ pub(crate) struct SinglePart {
 /// `q''/2 = |p'|² + p·p'' - r'² - r·r'' >= X² - S² - R·(sqrt(5)·C + B)`.
 ///
 /// Where this exceeds `R·Z`, which is at least `w·|z''|`, `q` is convex, so the line meets all balls between two that it meets, and
-/// `(z - w)'' = z'' + q''/(2w) + q'²/(4w³)` is positive. The difference is [`SinglePart::convexity`]. It is scaled by the square
-/// of the chord here, and must be a fifth of `X²`, so that the search for the least value ends soon.
+/// `(z - w)'' = z'' + q''/(2w) + q'²/(4w³)` is positive. The difference is [`SinglePart::convexity`]. It must be
+/// a fifth of `X²`, so that the search for the least value ends soon. `x` and `y` are scaled by the length of the chord here.
 ///
 /// The line passes the part where all points of the curve are on one side, by more than the radius: across the chord by Bernstein polynomials, of which
 /// the inner two have a sum of at most 3/4, or along it.
@@ -211,7 +211,7 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     })
 }
 
-/// A speed across the line below this part of the coordinates is not told from roundings.
+/// A speed across the line below this part of the coordinates may come from roundings.
 const ROUNDINGS: f64 = 1.0 / (1_u64 << 36) as f64;
 
 /// The search ends within this part of the distance from the ray's origin.
@@ -251,14 +251,14 @@ impl SinglePart {
     /// The least `sign·z - w` and its parameter. Any value below `low` will do, and none above `high` is needed.
     ///
     /// # Method
-    /// A bracket contains the parameter: where the line meets the ball at `u`, the sign of the derivative tells the side, elsewhere that of `q'`
+    /// A bracket contains the parameter: where the line meets the ball at `u`, the sign of the derivative decides the side, elsewhere that of `q'`
     /// or, where `|x|` exceeds the radius, that of `x`. The next parameter is the one that is best for
     /// `q + 2g·δ + h·δ²` and linear `z`, which is exact for a cone, with `g = q'/2` and `h = q''/2`.
     ///
     /// # Error
     /// With a second derivative of at least `m/R`, where `m` is the convexity, a value exceeds the least one by at most `(z - w)'²·R/(2m)`: the search ends
     /// where this is below [`TOLERANCE`] of the position. Likewise `q` exceeds its least value by at most `g²/m`, so the line passes a part where `q`
-    /// exceeds that, and where `|p|` exceeds `sqrt(5)·R` while `|x| <= R`.
+    /// exceeds that, and where `|p|` exceeds `sqrt(5)·R` while `|x| <= R`. Roundings are those of f64, relative to the distance from the ray's origin.
     #[inline(always)]
     fn least(&self, sign: f64, start: f64, [enough, limit]: [f64; 2]) -> Option<(f64, f64)> {
         let Self { powers: [c0, c1, c2, c3], chord, chord_squared, radius, convexity, .. } = self;
@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_bend_more_than_is_said_have_other_ends() {
+    fn parts_that_bend_more_than_stated_have_other_ends() {
         let straight = |_: &Control| Bends { across: 0.0, along: 0.0, radius: 0.0, slope: 0.0 };
         let (error, n_lost, _) = errors(straight, 30_000);
         assert!(error > 1e-3 && n_lost > 0, "off by {error:e}, {n_lost} lost");

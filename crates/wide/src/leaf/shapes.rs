@@ -101,8 +101,9 @@ impl SavedPrimitive for RoundSegment {
 /// Front where the ray enters, back where it leaves; `u` is the parameter of the curve, `v` is 0.
 ///
 /// # Error
-/// The solid deviates from the curve by at most 2^-22 of its size, which is at most twice the greatest `|x - o|∞`, so by 8 u of it, and each
-/// part has the error of [`RoundSegment`]: ten units of the 20 that are stated.
+/// Let `S` be the greatest `|x - o|∞` of points of the bounds. Where the search finds the entry or exit, it is off along the ray by at most 2^-30 of the distance and the
+/// radius, together less than 3·S: by u/20 of `S`. Elsewhere the solid is made of round segments that deviate from the curve by at most 2^-22 of its size, which is at
+/// most 2·S, or 2^-24 of the distance: by 8 u of `S`, and each has the error of [`RoundSegment`]. So ten units of the 20 that are stated cover both.
 impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
