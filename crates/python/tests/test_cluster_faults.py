@@ -34,6 +34,15 @@ def faulty(tmp_path_factory):
         yield client, faults
 
 
+@pytest.fixture
+def fresh(tmp_path):
+    """The same for one test, which may leave it with a worker less."""
+    faults = clusters.Faults(tmp_path)
+    with clusters.local(2) as client:
+        client.register_plugin(faults)
+        yield client, faults
+
+
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory):
     """A BVH, and a store of its triangles."""
@@ -77,18 +86,17 @@ def test_a_worker_killed_in_a_query_costs_its_tasks(faulty, mesh, query):
     clusters.wait_until("another worker replaces the one that was killed", lambda: len(before & set(clusters.pids(client).values())) == 1)
 
 
-def test_a_worker_killed_in_a_picture_costs_its_tasks(faulty):
+def test_a_worker_killed_in_a_picture_costs_its_tasks(fresh):
     canted_render = pytest.importorskip("canted_render")
-    client, faults = faulty
+    client, faults = fresh
     (faults.folder / "kill").touch()
     picture = cd.render(size=(32, 18), spp=8, parts=5, client=client)
     np.testing.assert_array_equal(picture, canted_render.render(size=(32, 18), spp=8))
     assert not (faults.folder / "kill").exists()
-    client.wait_for_workers(2, timeout=60)
 
 
-def test_a_task_that_kills_every_worker_ends_with_an_error(faulty, mesh):
-    (client, faults), (_, store) = faulty, mesh
+def test_a_task_that_kills_every_worker_ends_with_an_error(fresh, mesh):
+    (client, faults), (_, store) = fresh, mesh
     before = client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.allowed_failures)
     client.run_on_scheduler(set_allowed_failures, n=1)
     (faults.folder / "always").touch()
@@ -98,15 +106,14 @@ def test_a_task_that_kills_every_worker_ends_with_an_error(faulty, mesh):
     finally:
         (faults.folder / "always").unlink()
         client.run_on_scheduler(set_allowed_failures, n=before)
-    client.wait_for_workers(2, timeout=60)
 
 
 def set_allowed_failures(n, dask_scheduler):
     dask_scheduler.allowed_failures = n
 
 
-def test_a_slow_worker_gets_fewer_tasks(faulty, mesh):
-    (client, faults), (bvh, store) = faulty, mesh
+def test_a_slow_worker_gets_fewer_tasks(fresh, mesh):
+    (client, faults), (bvh, store) = fresh, mesh
     slow, fast = clusters.pids(client).values()
     before = [faults.count(pid) for pid in (slow, fast)]
     (faults.folder / f"slow-{slow}").touch()
@@ -116,8 +123,8 @@ def test_a_slow_worker_gets_fewer_tasks(faulty, mesh):
     (faults.folder / f"slow-{slow}").unlink()
 
 
-def test_a_worker_of_another_version_is_refused_by_name(faulty, mesh):
-    (client, _), (_, store) = faulty, mesh
+def test_a_worker_of_another_version_is_refused_by_name(fresh, mesh):
+    (client, _), (_, store) = fresh, mesh
     other = list(clusters.pids(client))[:1]
     client.run(set_version, "0.0.1", workers=other)
     message = f"this worker has canted 0.0.1, the client {canted.__version__}; install one version on all"
@@ -133,9 +140,9 @@ def set_version(version):
     worker.__version__ = version
 
 
-def test_workers_with_other_instructions_give_the_same_bits(faulty, mesh, tmp_path):
+def test_workers_with_other_instructions_give_the_same_bits(fresh, mesh, tmp_path):
     """One worker uses the instructions of every machine. Tiles have no such choice: those of a worker are what it detects."""
-    (client, _), (bvh, _) = faulty, mesh
+    (client, _), (bvh, _) = fresh, mesh
     if bvh.stats()["simd"] == "scalar":
         pytest.skip("this machine has no vector instructions")
     bvh.save(tmp_path / "mesh.bvh")

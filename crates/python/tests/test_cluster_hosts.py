@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -109,6 +108,11 @@ def test_three_hosts(three_hosts, tmp_path):
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue")
 
 
+def jobs(environment):
+    """States of the jobs."""
+    return subprocess.run(["squeue", "--noheader", "--format=%T"], env=environment, capture_output=True, text=True).stdout.split()
+
+
 @contextlib.contextmanager
 def slurm(folder, environment):
     """A Slurm of this machine whose files are all in a folder, and its settings in an environment."""
@@ -149,6 +153,10 @@ def slurm(folder, environment):
         clusters.wait_until("the machine is idle", is_idle, 120)
         yield
     finally:
+        # Jobs that are running would outlive the daemons.
+        subprocess.run(["scancel", "--user", user], env=environment, capture_output=True)
+        with contextlib.suppress(AssertionError):
+            clusters.wait_until("no job is left", lambda: not jobs(environment), 30)
         for daemon in reversed(daemons):
             daemon.kill()
             daemon.wait()
@@ -174,8 +182,6 @@ def test_slurm_by_dask_jobqueue(tmp_path, monkeypatch):
             with distributed.Client(cluster, set_as_default=False) as client:
                 client.wait_for_workers(2, timeout=90)
                 found = client.compute(cd.closest_hit(tmp_path / "store", origins, directions, chunk=200).t).result(timeout=60)
-                jobs = subprocess.run(["squeue", "--noheader", "--format=%T"], check=True, capture_output=True, text=True).stdout.split()
-        # Jobs are cancelled with the cluster.
-        time.sleep(0.5)
-    assert jobs == ["RUNNING", "RUNNING"]
+                running = jobs(os.environ)
+    assert running == ["RUNNING", "RUNNING"]
     np.testing.assert_array_equal(found, canted.Bvh(vertices, triangles).closest_hit(origins, directions).t)
