@@ -2,7 +2,7 @@
 
     python cluster_speed.py [RAYS] [ROUNDS] [SPP]
 
-Default: a million rays, one round, no pictures; docs/cluster.md has the numbers of `10000000 3 256`. The plain call, the threads of Dask and clusters of one and
+Default: a million rays, one round, no pictures; docs/cluster.md has numbers of longer runs. The plain call, the threads of Dask and clusters of one and
 two workers of one thread answer the same chunks of a million rays, interleaved. Workers have opened the BVH, a file, before. `made` are rays that each chunk
 makes where it is traced; `sent` are NumPy arrays of the client. Prints medians: seconds of processors of all processes, those of the plain call being 1,
 and seconds of the clock; and what the processes of a cluster take when nothing is asked.

@@ -258,6 +258,17 @@ impl Tiles {
         Ok(Self { bvh: Arc::new(bvh), path, memory })
     }
 
+    /// Tiles of which only `n` answer, from the number `first` on: for canted.distributed.
+    #[staticmethod]
+    fn _part(py: Python<'_>, path: PathBuf, memory: Option<&Bound<'_, PyAny>>, first: u32, n: u32) -> PyResult<Self> {
+        let memory = memory_of(memory)?;
+        let options = OpenOptions { memory, part: Some([first, n]), ..OpenOptions::default() };
+        let folder = path.clone();
+        let bvh = Call::plain(py)?.run(move || TiledBvh::open(folder, options))?.map_err(raised)?;
+        check_numbers(&bvh)?;
+        Ok(Self { bvh: Arc::new(bvh), path, memory })
+    }
+
     /// build(vertices, triangles, path, tile_triangles=262144, *, memory='2G', preset='balanced', origin='auto', threads=None, progress=None)
     ///
     /// Writes a store and opens it: Tiles.

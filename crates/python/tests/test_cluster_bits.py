@@ -170,3 +170,66 @@ def test_instances_on_tiles_are_those_of_a_tlas(client, tmp_path):
     for one in (of_tiles, moved, pickle.loads(pickle.dumps(moved))):
         with pytest.raises(ValueError, match="this one has 3 placements"):
             one.field("position")
+
+
+@pytest.mark.parametrize("make", [ties, ugly, grid])
+def test_rays_may_travel_to_parts_of_tiles(client, tmp_path, make):
+    """With room for three tiles on each worker: every worker reads the tiles of its part, once, and no others."""
+    vertices, triangles, origins, directions = make()
+    bvh = canted.Bvh(vertices, triangles)
+    store = tmp_path / "store"
+    canted.Tiles.build(vertices, triangles, store, tile_triangles=-(-len(triangles) // 7))
+    largest = max(path.stat().st_size for path in store.iterdir())
+    memory = int(3.5 * largest)
+    for chunk, t_max in ((2000, np.inf), (333, 9.0), (333, np.linspace(0.0, 9.0, 2000))):
+        expected = bvh.closest_hit(origins, directions, 0.0, t_max)
+        for travel in ("rays", "tiles"):
+            options = {"chunk": chunk, "memory": memory, "travel": travel}
+            found = cd.closest_hit(store, origins, directions, 0.0, t_max, **options)
+            for name, values in found.compute(*HITS, "normal").items():
+                np.testing.assert_array_equal(values, getattr(expected, name), err_msg=f"{name} {options}")
+            np.testing.assert_array_equal(cd.occluded(store, origins, directions, 0.0, t_max, **options), bvh.occluded(origins, directions, 0.0, t_max))
+    # One direction for all rays, and rows of rows.
+    found = cd.closest_hit(store, origins.reshape(40, 50, 3), [0.0, 0.1, 1.0], chunk=300, memory=memory, travel="rays")
+    np.testing.assert_array_equal(found.t, bvh.closest_hit(origins.reshape(40, 50, 3), [0.0, 0.1, 1.0]).t)
+
+
+def test_a_worker_reads_its_part_alone(client, tmp_path):
+    vertices, triangles, origins, directions = ties()
+    store = tmp_path / "store"
+    canted.Tiles.build(vertices, triangles, store, tile_triangles=-(-len(triangles) // 7))
+    memory = int(3.5 * max(path.stat().st_size for path in store.iterdir()))
+    reads = {}
+    for travel in ("tiles", "rays"):
+        client.run(clear_open)
+        cd.closest_hit(store, origins, directions, chunk=100, memory=memory, travel=travel).t.compute()
+        reads[travel] = sum(client.run(n_reads).values())
+    # Seven where nothing was stolen or started again; each chunk of the others needs them all, of which a worker holds three.
+    assert 7 <= reads["rays"] <= 14 and reads["tiles"] > 3 * reads["rays"], reads
+
+
+def clear_open():
+    from canted.distributed import worker
+
+    worker._OPEN.clear()
+
+
+def n_reads():
+    from canted.distributed import worker
+
+    return sum(tiles.stats()["reads"] for tiles in worker._OPEN.values() if "reads" in tiles.stats())
+
+
+def test_what_travels_follows_from_sizes(client):
+    from canted.distributed.travel import choose, divided
+
+    assert divided([5, 5, 5, 20, 1, 1], 10) == [(0, 2), (2, 1), (3, 1), (4, 2)]
+    sizes = [1 << 20] * 30
+    assert choose("auto", sizes, "2G", 1e9, 1000) is None, "every worker holds all"
+    assert choose("auto", sizes, 2 << 20, 1e6, 10) is None, "three workers do not hold all"
+    assert choose("auto", sizes, 11 << 20, 1e6, 10) is None, "the rays are more bytes than the tiles for ten chunks"
+    assert choose("auto", sizes, 11 << 20, 1e5, 10) == [(0, 11), (11, 11), (22, 8)]
+    assert choose("auto", sizes, 11 << 20, np.nan, 10) is None
+    assert choose("tiles", sizes, 11 << 20, 1e5, 10) is None and choose("rays", sizes, "1G", 1e9, 1) == [(0, 30)]
+    with pytest.raises(ValueError, match="travel is 'both'; use auto, rays, tiles"):
+        choose("both", sizes, None, 1, 1)

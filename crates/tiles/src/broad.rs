@@ -1,5 +1,7 @@
 //! Which tiles a ray may hit, and from which `t` on; which tiles may be near a point.
 
+use std::ops::Range;
+
 use canted_obb::{Aabb, Affine, Obb, PrimId};
 use canted_tlas::{Instance, Tlas};
 use canted_trace::{Hit, InstanceId, Intersect, Query, Ray, ScaledRay, Side, TriangleTest, with_stack};
@@ -166,12 +168,12 @@ pub(crate) struct Broad {
 }
 
 impl Broad {
-    /// Of a manifest that was checked.
-    pub(crate) fn new(manifest: &Manifest) -> Result<Self, String> {
+    /// Of the tiles in `part` of a manifest that was checked.
+    pub(crate) fn new(manifest: &Manifest, part: Range<u32>) -> Result<Self, String> {
         let boxes: Vec<Aabb> = manifest.tiles.iter().map(|tile| tile.aabb()).collect();
         let tiles_of = |mesh: usize| {
             let [first, n] = manifest.meshes[mesh].tiles;
-            first..first + n
+            first.max(part.start)..(first + n).min(part.end)
         };
         let places = manifest.placements.iter().flat_map(|placement| {
             let affine = placement.affine();
@@ -179,7 +181,7 @@ impl Broad {
         });
         let rays = EnteredTiles::new(&boxes, places)?;
         let (mut meshes, mut placements, mut in_world) =
-            (vec![], None, boxes.iter().copied().zip(0..).collect::<Vec<_>>());
+            (vec![], None, boxes.iter().copied().zip(0..).filter(|(_, tile)| part.contains(tile)).collect::<Vec<_>>());
         if !manifest.is_plain() {
             let own = |mesh| EnteredTiles::new(&boxes, tiles_of(mesh).map(|tile| (tile, Affine::IDENTITY)));
             meshes = (0..manifest.meshes.len()).map(own).collect::<Result<_, _>>()?;

@@ -16,11 +16,13 @@ pub struct OpenOptions {
     /// Stores of at most as many bytes are read whole when they are opened, to check them; of larger ones, lengths are checked, and each tile when it is
     /// read. 256 MiB by default.
     pub check_up_to: u64,
+    /// The first tile of those that answer, and their number: hits are those on their triangles. All tiles by default.
+    pub part: Option<[u32; 2]>,
 }
 
 impl Default for OpenOptions {
     fn default() -> Self {
-        Self { memory: 2 << 30, check_up_to: 256 << 20 }
+        Self { memory: 2 << 30, check_up_to: 256 << 20, part: None }
     }
 }
 
@@ -52,7 +54,9 @@ impl TiledBvh {
     pub fn open(folder: impl AsRef<Path>, options: OpenOptions) -> Result<Self, TileError> {
         let folder = folder.as_ref();
         let manifest = Manifest::read(folder)?;
-        let broad = Broad::new(&manifest).map_err(|reason| TileError::damaged(&folder.join(MANIFEST), reason))?;
+        let [first, n] = options.part.unwrap_or([0, u32::MAX]);
+        let broad = Broad::new(&manifest, first..first.saturating_add(n))
+            .map_err(|reason| TileError::damaged(&folder.join(MANIFEST), reason))?;
         let cache = Cache::new(folder, &manifest, options.memory);
         cache.check_lengths()?;
         if cache.n_file_bytes() <= options.check_up_to {

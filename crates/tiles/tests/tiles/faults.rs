@@ -9,8 +9,8 @@ use canted_trace::Intersect;
 
 use crate::common::{rays, whole, write};
 
-const AT_ONCE: OpenOptions = OpenOptions { memory: 1 << 30, check_up_to: u64::MAX };
-const LATER: OpenOptions = OpenOptions { memory: 1 << 30, check_up_to: 0 };
+const AT_ONCE: OpenOptions = OpenOptions { memory: 1 << 30, check_up_to: u64::MAX, part: None };
+const LATER: OpenOptions = OpenOptions { memory: 1 << 30, check_up_to: 0, part: None };
 
 /// The error of opening, else that of a query that needs every tile.
 fn error_of(store: &Path, options: OpenOptions) -> TileError {

@@ -105,6 +105,29 @@ fn compare_points(what: &str, tiled: &TiledBvh, one: &canted_wide::TriangleBvh, 
     }
 }
 
+/// The hits of parts of a store combine to those of the whole: by the least `t`, then the lowest number.
+#[test]
+fn parts_of_a_store_combine_to_the_whole() {
+    let mesh = canted_fixtures::soup(1, 300);
+    let (folder, one, rays) = (tempfile::tempdir().unwrap(), whole(&mesh), rays(&mesh, 2_000));
+    let store = folder.path().join("store");
+    let n = write(&store, &mesh, 16).tiles as u32;
+    let (mut want, mut best) = (vec![None; rays.len()], vec![None::<Hit>; rays.len()]);
+    one.closest_hits(&rays, &mut want);
+    for part in [[0, 5], [5, 1], [6, u32::MAX]] {
+        let options = OpenOptions { part: Some(part), ..OpenOptions::default() };
+        let (tiled, mut found) = (TiledBvh::open(&store, options).unwrap(), vec![None; rays.len()]);
+        assert_eq!(tiled.aabb(), one.aabb());
+        tiled.try_closest_hits(&rays, &mut found).unwrap();
+        assert!(tiled.counts().reads <= u64::from(part[1].min(n - part[0])));
+        for (best, found) in best.iter_mut().zip(found) {
+            let is_closer = found.is_some_and(|found: Hit| best.is_none_or(|best| found.before(&best)));
+            *best = if is_closer { found } else { *best };
+        }
+    }
+    assert_eq!(best, want);
+}
+
 /// Meshes in several places: the hits of a TLAS, ties between instances included.
 #[test]
 fn placements_answer_as_a_tlas() {

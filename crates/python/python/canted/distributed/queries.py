@@ -13,6 +13,7 @@ from dask.highlevelgraph import HighLevelGraph
 
 from .. import Bvh, Tiles, __version__, _canted
 from .results import Closest, Listed, Nearest, check_sizes
+from .travel import choose, holders, of_parts
 from .worker import Source, fsspec_module, run
 
 # Rows of a chunk of a NumPy array: a second or so of work, so that Dask's overhead, about a millisecond for each task, does not count.
@@ -37,6 +38,18 @@ def _stamp(path):
 
 def _source(bvh, memory):
     """The source as a value of the graph, which each worker gets once; the type of t; whether hits have an instance."""
+    source, near, has_instances, _ = _opened(bvh, memory)
+    return _in_graph(source), near, has_instances
+
+
+def _in_graph(source):
+    name = "canted-bvh-" + dask.base.tokenize(source)
+    return Delayed(name, HighLevelGraph.from_collections(name, {name: source}))
+
+
+def _opened(bvh, memory):
+    """The source; the type of t; whether hits have an instance; the bytes of each tile."""
+    sizes = []
     if isinstance(bvh, Bvh):
         source = _source_of_memory(bvh)
         near, has_instances = bvh.nearest(np.zeros((0, 3))).distance.dtype, False
@@ -49,10 +62,9 @@ def _source(bvh, memory):
         if "://" not in path:
             path = os.path.abspath(path)
         source = Source((path, _stamp(path)), path=path, memory=memory)
-        is_near, has_instances = _kind_of_file(path)
+        is_near, has_instances, sizes = _kind_of_file(path)
         near = np.dtype(np.float64 if is_near else np.float32)
-    name = "canted-bvh-" + dask.base.tokenize(source)
-    return Delayed(name, HighLevelGraph.from_collections(name, {name: source})), near, has_instances
+    return source, near, has_instances, sizes
 
 
 # The sources of BVHs in memory, which later queries of the same BVH share.
@@ -68,10 +80,10 @@ def _source_of_memory(bvh):
 
 
 def _kind_of_file(path):
-    """Of a saved Bvh or of tiles, whether its origin was chosen near it, and whether it has placements."""
+    """Of a saved Bvh or of tiles, whether its origin was chosen near it, whether it has placements, and the bytes of each tile."""
     try:
         head = _start_of(path, 24)
-        return bool(head[:8] == b"CANTEDPY" and len(head) == 24 and head[20] & 2), False
+        return bool(head[:8] == b"CANTEDPY" and len(head) == 24 and head[20] & 2), False, []
     except OSError:
         pass
     try:
@@ -79,10 +91,11 @@ def _kind_of_file(path):
         manifest = json.loads(_start_of(path.rstrip("/") + "/manifest.json"))
         columns = [placement["world_from_object"] for placement in manifest["placements"]]
         is_plain = len(manifest["meshes"]) == 1 and np.array_equal(columns, [np.eye(4, 3)])
-        return manifest.get("is_near", False), not is_plain
+        sizes = [tile["bytes"] + 4 * tile["triangles"] for tile in manifest["tiles"]]
+        return manifest.get("is_near", False), not is_plain, sizes
     except (OSError, ValueError, AttributeError, KeyError, TypeError):
         # What only workers see, or what they find to be damaged.
-        return False, False
+        return False, False, []
 
 
 def _start_of(path, n=-1):
@@ -105,8 +118,8 @@ def _rows(array, name, chunk):
     return array.rechunk({array.ndim - 1: 3}) if array.ndim > 1 else array
 
 
-def _rays(bvh, method, origins, directions, t_min, t_max, origin, memory, chunk, is_list):
-    source, near, has_instances = _source(bvh, memory)
+def _rays(bvh, method, origins, directions, t_min, t_max, origin, memory, chunk, is_list, travel="tiles"):
+    source, near, has_instances, sizes = _opened(bvh, memory)
     arrays = [_rows(origins, "origins", chunk), _rows(directions, "directions", chunk)]
     if all(array.ndim == 1 for array in arrays):
         arrays = [da.asarray(np.asarray(array)[None]) for array in arrays]
@@ -124,7 +137,13 @@ def _rays(bvh, method, origins, directions, t_min, t_max, origin, memory, chunk,
     ends = [_end(end, name, shape, default) for end, name, default in ((t_min, "t_min", 0.0), (t_max, "t_max", np.inf))]
     given = {} if origin is None else {"origin": origin}
     types = {"t": (near, ()), **_HIT_TYPES, "instance": (np.int32 if has_instances else None, ())}
-    return _answers("ask_rays", [*arrays, *ends], shape, source, method, given), types
+    # Where t is rounded on the way to the caller, hits of parts are not compared exactly.
+    is_exact = near == np.float32 and not has_instances
+    n_rays, n_chunks = float(np.prod(shape.shape[:-1])), int(np.prod(shape.numblocks))
+    parts = choose(travel, sizes if is_exact else [], memory, n_rays, n_chunks)
+    if parts:
+        return of_parts(arrays, ends, shape, holders(source, parts, sizes), method, given), types
+    return _answers("ask_rays", [*arrays, *ends], shape, _in_graph(source), method, given), types
 
 
 def _answers(task, arrays, shape, source, method, given):
@@ -172,7 +191,7 @@ _HIT_TYPES = {
 }
 
 
-def closest_hit(bvh, origins, directions, t_min=0.0, t_max=np.inf, *, origin=None, memory=None, chunk=CHUNK):
+def closest_hit(bvh, origins, directions, t_min=0.0, t_max=np.inf, *, origin=None, memory=None, chunk=CHUNK, travel="auto"):
     """The first hit of each ray, as Bvh.closest_hit: Hits with Dask arrays in the shape of the rays.
 
     Parameters
@@ -189,8 +208,11 @@ def closest_hit(bvh, origins, directions, t_min=0.0, t_max=np.inf, *, origin=Non
         For tiles: bytes that each worker holds, such as "2G".
     chunk : int
         Rows of a chunk of a NumPy array.
+    travel : "auto", "rays" or "tiles"
+        For tiles: whether rays go to workers that each hold a part of `memory` bytes, or workers read the tiles that their rays need. By itself, what
+        moves fewer bytes; rays only where the workers of the current client together hold all tiles, in a store of one mesh whose origin was not chosen near it.
     """
-    answers, types = _rays(bvh, "closest_hit", origins, directions, t_min, t_max, origin, memory, chunk, False)
+    answers, types = _rays(bvh, "closest_hit", origins, directions, t_min, t_max, origin, memory, chunk, False, travel)
     return Closest(answers, **types)
 
 
@@ -213,9 +235,9 @@ def crossings(bvh, origins, directions, t_min=0.0, t_max=np.inf, *, origin=None,
     return _list(bvh, "crossings", origins, directions, t_min, t_max, origin, memory, chunk)
 
 
-def occluded(bvh, origins, directions, t_min=0.0, t_max=np.inf, *, origin=None, memory=None, chunk=CHUNK):
+def occluded(bvh, origins, directions, t_min=0.0, t_max=np.inf, *, origin=None, memory=None, chunk=CHUNK, travel="auto"):
     """Whether each ray hits anything, as Bvh.occluded: a Dask array of bool; parameters as closest_hit."""
-    answers, _ = _rays(bvh, "occluded", origins, directions, t_min, t_max, origin, memory, chunk, False)
+    answers, _ = _rays(bvh, "occluded", origins, directions, t_min, t_max, origin, memory, chunk, False, travel)
     return _plain(answers, np.bool_)
 
 

@@ -37,6 +37,40 @@ def ask_rays(origins, directions, t_min, t_max, **options):
     return ask(origins, directions, *ends, **options)
 
 
+def ask_part(origins, directions, t_min, t_max, before=None, *, source, method, given):
+    """As ask_rays, of a part of a store, after parts of which `before` is the answer."""
+    ends = [end[..., 0] if getattr(end, "ndim", 0) else end for end in (t_min, t_max)]
+    if before is None:
+        return ask(origins, directions, *ends, source=source, method=method, given=given)
+    before = before.item()
+    if method == "occluded":
+        return _occluded_after(before, origins, directions, ends, source, given)
+    t, primitive = before.field("t"), before.field("primitive")
+    # A miss has t = inf.
+    after = ask(origins, directions, ends[0], np.minimum(np.asarray(ends[1], np.float64), t), source=source, method=method, given=given)
+    of_part, numbers = after.field("t"), after.field("primitive")
+    is_closer = (numbers >= 0) & ((primitive < 0) | (of_part < t) | ((of_part == t) & (numbers < primitive)))
+    if not is_closer.any():
+        return before
+    fields = {}
+    for name in ("t", "primitive", "u", "v", "entering", "hit", "position", "normal"):
+        old, new = before.field(name), after.field(name)
+        fields[name] = np.where(is_closer.reshape(is_closer.shape + (1,) * (new.ndim - is_closer.ndim)), new, old)
+    return Answer(fields)
+
+
+def _occluded_after(before, origins, directions, ends, source, given):
+    """Asks a part for the rays that are not occluded yet."""
+    left = ~before
+    if left.any():
+        # Rows of rays; what is the same for all has one.
+        origins, directions = (array[left] if array.ndim > 1 else array for array in (origins, directions))
+        t_min, t_max = (end[left] if getattr(end, "ndim", 0) else end for end in ends)
+        before = before.copy()
+        before[left] = ask(origins, directions, t_min, t_max, source=source, method="occluded", given=given)
+    return before
+
+
 def render_part(request, first, last, kept):
     """The part of a picture from sample first to before last, as bytes; read from the checkpoint where it is there."""
     found = kept and _kept(kept, first, last)
@@ -111,7 +145,15 @@ class Answer:
 
 _FIELDS = ("ray", "t", "primitive", "u", "v", "entering", "hit", "instance", "distance", "position", "normal")
 
-TASKS = {"ask": ask, "ask_rays": ask_rays, "merge_parts": merge_parts, "picture": picture, "render_part": render_part, "small_picture": small_picture}
+TASKS = {
+    "ask": ask,
+    "ask_part": ask_part,
+    "ask_rays": ask_rays,
+    "merge_parts": merge_parts,
+    "picture": picture,
+    "render_part": render_part,
+    "small_picture": small_picture,
+}
 
 
 def _digest(part):
@@ -138,21 +180,33 @@ def _keep(folder, first, last, part):
 class Source:
     """What a worker needs to open a BVH: a path, or the BVH, which other processes get as bytes."""
 
-    def __init__(self, key, path=None, memory=None, bvh=None, data=None):
-        self.key, self.path, self.memory, self.bvh, self.data = key, path, memory, bvh, data
+    def __init__(self, key, path=None, memory=None, bvh=None, data=None, part=None):
+        self.key, self.path, self.memory, self.bvh, self.data, self.part = key, path, memory, bvh, data, part
+
+    def of_part(self, first, n, n_bytes):
+        """What opens `n` tiles from the number `first` on, which have so many bytes."""
+        return Source(self.key, self.path, self.memory, part=(first, n, n_bytes))
+
+    def held(self):
+        """Itself, open here."""
+        self.open()
+        return self
+
+    def __sizeof__(self):
+        return self.part[2] if self.part else object.__sizeof__(self)
 
     def __reduce__(self):
         data = self.data if self.bvh is None else self.bvh.__reduce__()[1][0]
-        return Source, (self.key, self.path, self.memory, None, data)
+        return Source, (self.key, self.path, self.memory, None, data, self.part)
 
     def __dask_tokenize__(self):
-        return (type(self).__name__, self.key, self.memory)
+        return (type(self).__name__, self.key, self.memory, self.part)
 
     def open(self):
         """The BVH; of several threads that ask for it, one opens it."""
         if self.bvh is not None:
             return self.bvh
-        key = (self.key, self.memory)
+        key = (self.key, self.memory, self.part)
         with _LOCK:
             lock = _LOCKS.setdefault(key, threading.Lock())
         with lock:
@@ -173,6 +227,8 @@ class Source:
             # The checked format of Bvh.save, not a pickle.
             return Bvh._from_bytes(self.data)
         path = _fetched(self.path, self.key) if "://" in self.path else self.path
+        if self.part:
+            return Tiles._part(path, self.memory, *self.part[:2])
         if os.path.isdir(path):
             return Tiles(path) if self.memory is None else Tiles(path, self.memory)
         return Bvh.load(path)
