@@ -71,6 +71,9 @@ struct Channels {
     /// Additional channels.
     #[arg(long, value_parser = render::aov, value_delimiter = ',')]
     aovs: Vec<Aovs>,
+    /// The rectangle that is rendered, in pixels of the whole picture; the film is of this rectangle.
+    #[arg(long, value_parser = render::crop, value_name = "X,Y,W,H")]
+    crop: Option<[u32; 4]>,
 }
 
 fn film(
@@ -88,7 +91,14 @@ fn film(
     let aovs = render::union(&args.own.aovs);
     let factor = render::factor(&args.own.aovs);
     let purpose = Purpose { part, aovs, factor, is_linear: true, shows_data: !aovs.is_empty(), ..Purpose::default() };
+    let crop = args.own.crop;
     let plan = args.resolve(scene_file, &purpose)?;
+    if let Some(crop) = crop {
+        render::check_crop(crop, plan.size())?;
+        if part.is_some() {
+            return Err(anyhow!("a part and crop cannot be used together"));
+        }
+    }
     let mut scene = match source {
         Source::SceneFile(file) => {
             let mut scene = file.load()?;
@@ -97,18 +107,23 @@ fn film(
         }
         _ => load::scene(path, &plan.source.read_options(plan.source.time()))?,
     };
-    render(&mut scene, plan, monitor)
+    render(&mut scene, plan, crop, monitor)
 }
 
-fn render(scene: &mut Scene, mut plan: Plan, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
+fn render(scene: &mut Scene, mut plan: Plan, crop: Option<[u32; 4]>, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
     let source = plan.apply_light(scene)?;
     let Setup { bvh, camera, .. } = render::setup(scene, &mut plan, source)?;
     let settings = &plan.settings;
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let film = resume_with(&surfaces, &bvh, &camera, settings, Vec::new(), monitor)?;
+    let done = crop.map_or(vec![], |crop| render::tiles_outside(crop, settings));
+    let film = resume_with(&surfaces, &bvh, &camera, settings, done, monitor)?;
     if let Some(warning) = render::dropped_samples(&film) {
         output::warn(&warning);
     }
+    let film = match crop {
+        Some([x, y, width, height]) => film.cropped([x, y], [width, height]),
+        None => film,
+    };
     Ok((film, settings.aovs))
 }
 
@@ -164,6 +179,10 @@ mod tests {
         assert_ne!(rendered(&[small[0], small[1], ("seed", "7")]).unwrap().film.pixels(), film.pixels());
         let with_aovs = rendered(&[small[0], small[1], ("aovs", "depth,normal")]).unwrap();
         assert_eq!((with_aovs.aovs.iter().count(), with_aovs.film.guides().len()), (2, 24));
+        let rows = rendered(&[small[0], small[1], ("crop", "1,2,4,2")]).unwrap().film;
+        assert_eq!(rows.pixels(), film.cropped([1, 2], [4, 2]).pixels());
+        let error = rendered(&[small[0], ("crop", "1,2,6,2")]).unwrap_err().to_string();
+        assert_eq!(error, "--crop 1,2,6,2 exceeds the picture of 6 x 4 pixels");
         let suns = [("sun", "0,-1,0,1,1,1"), ("sun", "-1,-1,0,1,1,1")];
         let lit = |suns: &[(&str, &str)]| rendered(&[&small[..], suns].concat()).unwrap().film.pixels().to_vec();
         assert!(lit(&suns) != lit(&suns[..1]) && lit(&suns) != lit(&suns[1..]), "each of a repeated option counts");

@@ -44,6 +44,40 @@ def test_pictures_are_those_of_one_machine(cluster):
         cd.render(sise=(4, 4), client=cluster)
 
 
+def test_pictures_may_be_tiles_of_rows(cluster):
+    for options in ({}, {"integrator": "path", "aovs": ["depth", "normal"], "spp": 1}):
+        whole = canted_render.render(**{"size": (32, 37), "spp": 3, **options})
+        for tiles in (1, 5, 40):
+            seen, progress = [], []
+            given = {"size": (32, 37), "spp": 3, **options, "tiles": tiles, "client": cluster, "progress": progress.append}
+            picture = cd.render(**given, preview=lambda picture, frame: seen.append(picture))
+            np.testing.assert_array_equal(picture, whole)
+            assert_same_aovs(picture, whole)
+            assert progress[-1] == 1 and len(seen) == min(tiles, 37) and (tiles == 1 or (seen[0] == 0).any())
+            np.testing.assert_array_equal(seen[-1], whole)
+    pictures = cd.render(size=(1300, 20), spp=1, frames=[{}, {"fov": 30}], tiles=3, client=cluster, preview=lambda picture, frame: seen.append(picture))
+    np.testing.assert_array_equal(pictures[1], canted_render.render(size=(1300, 20), spp=1, fov=30))
+    assert {shown.shape for shown in seen[-6:]} == {(2 + 2 + 2, 433, 3)}
+    for options, message in [
+        ({"tiles": 0, "size": (4, 4)}, "tiles is 0; use 1 or more"),
+        ({"tiles": 2}, "tiles needs size"),
+        ({"tiles": 2, "parts": 2}, "tiles and parts cannot be used together"),
+        ({"tiles": 2, "checkpoint": "folder"}, "tiles and checkpoint cannot be used together"),
+        ({"tiles": 2, "noise": 0.1, "size": (4, 4)}, "noise needs all samples"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            cd.render(**options, client=cluster)
+
+
+def test_a_rectangle_of_a_picture():
+    whole = canted_render.render(size=(32, 18), spp=2, aovs=["depth"])
+    part = canted_render.render(size=(32, 18), spp=2, aovs=["depth"], crop=(3, 5, 20, 7))
+    np.testing.assert_array_equal(part, whole[5:12, 3:23])
+    np.testing.assert_array_equal(part.aovs["depth"], whole.aovs["depth"][5:12, 3:23])
+    with pytest.raises(ValueError, match="crop 3,5,30,7 exceeds the picture of 32 x 18 pixels"):
+        canted_render.render(size=(32, 18), spp=2, crop=(3, 5, 30, 7))
+
+
 def assert_same_aovs(picture, whole):
     assert picture.aovs.keys() == whole.aovs.keys()
     for name, values in whole.aovs.items():

@@ -481,7 +481,7 @@ fn unsupported(path: &Path) -> anyhow::Error {
 }
 
 /// Left, top, width and height of a rectangle.
-fn crop(text: &str) -> Result<[u32; 4], String> {
+pub(crate) fn crop(text: &str) -> Result<[u32; 4], String> {
     let numbers: Vec<Option<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers[..] {
         [Some(left), Some(top), Some(width), Some(height)] if width > 0 && height > 0 => Ok([left, top, width, height]),

@@ -32,14 +32,14 @@ use crate::{
     settings::Plan,
 };
 use args::Job;
-pub(crate) use args::{Args, DiagramArgs, aov, factor, union};
+pub(crate) use args::{Args, DiagramArgs, aov, crop, factor, union};
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 pub(crate) use facts::{not_needed, parts_text};
 use film::{CheckpointWriter, CpuRenderer, FilmJob, FilmRenderer};
 pub(crate) use film::{difference, next as next_pass, whole as whole_film};
 use output::{Output, OutputFile, Overlay};
-pub(crate) use output::{denoised as denoised_film, no_boxes};
+pub(crate) use output::{check_crop, denoised as denoised_film, no_boxes, tiles_outside};
 pub(crate) use setup::{Choice, Setup, choose, decided, settle, setup, stage, staged};
 
 /// What rendering returns. The checkpoint is removed once the output is written.

@@ -95,28 +95,17 @@ impl OutputFile {
 
     /// Rejects a crop that exceeds the picture.
     pub(super) fn check_crop(&self) -> Result<()> {
-        let Some([left, top, width, height]) = self.crop else { return Ok(()) };
-        let ends = [u64::from(left) + u64::from(width), u64::from(top) + u64::from(height)];
-        if ends[0] <= self.size[0].into() && ends[1] <= self.size[1].into() {
-            return Ok(());
-        }
-        let [w, h] = self.size;
-        Err(anyhow!("--crop {left},{top},{width},{height} exceeds the picture of {w} x {h} pixels"))
+        self.crop.map_or(Ok(()), |crop| check_crop(crop, self.size))
     }
 
     /// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.
     pub(super) fn outside(&self, settings: &canted_renderer::Settings) -> Vec<Tile> {
         let Some(crop) = self.crop else { return Vec::new() };
-        let [left, top, width, height] = match self.denoising {
+        let needed = match self.denoising {
             Denoising::Off | Denoising::IfStopped => crop,
             Denoising::OfFewSamples | Denoising::On => with_margin(crop, self.size),
         };
-        let tiling = settings.tiling();
-        let is_shown = |number: usize| {
-            let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));
-            x < left + width && left < x + columns && y < top + height && top < y + rows
-        };
-        (0..tiling.n_tiles()).filter(|&number| !is_shown(number)).map(|number| tiling.tile(number)).collect()
+        tiles_outside(needed, settings)
     }
 
     /// Writes what was rendered.
@@ -241,6 +230,26 @@ pub(crate) fn no_boxes(level: BoxLevel, n_levels: u32) -> String {
         0 => format!("--boxes {level} shows nothing: the scene has no triangles"),
         n => format!("--boxes {level} shows nothing: the structure has the levels 0 to {}", n - 1),
     }
+}
+
+/// Rejects a rectangle that exceeds a picture.
+pub(crate) fn check_crop([left, top, width, height]: [u32; 4], size: [u32; 2]) -> Result<()> {
+    let ends = [u64::from(left) + u64::from(width), u64::from(top) + u64::from(height)];
+    if ends[0] <= size[0].into() && ends[1] <= size[1].into() {
+        return Ok(());
+    }
+    let [w, h] = size;
+    Err(anyhow!("--crop {left},{top},{width},{height} exceeds the picture of {w} x {h} pixels"))
+}
+
+/// Empty tiles for all that does not overlap a rectangle, so that they are not rendered.
+pub(crate) fn tiles_outside([left, top, width, height]: [u32; 4], settings: &canted_renderer::Settings) -> Vec<Tile> {
+    let tiling = settings.tiling();
+    let overlaps = |number: usize| {
+        let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));
+        x < left + width && left < x + columns && y < top + height && top < y + rows
+    };
+    (0..tiling.n_tiles()).filter(|&number| !overlaps(number)).map(|number| tiling.tile(number)).collect()
 }
 
 /// The rectangle that must be rendered so that the filtered picture in `crop` is that of the whole picture.

@@ -1,10 +1,11 @@
-"""Pictures: ranges of their samples as tasks, joined on the workers."""
+"""Pictures: ranges of their samples, or tiles of rows, as tasks, joined on the workers."""
 
 import json
 import os
 from pathlib import Path
 
 import dask
+import numpy as np
 
 from .. import __version__
 from .worker import run
@@ -19,7 +20,7 @@ _FEWEST_SAMPLES = 64
 _PREVIEW_WIDTH = 640
 
 
-def render(scene=None, size=None, spp=None, *, frames=None, parts=None, client=None, progress=None, preview=None, checkpoint=None, **options):
+def render(scene=None, size=None, spp=None, *, frames=None, parts=None, tiles=None, client=None, progress=None, preview=None, checkpoint=None, **options):
     """A picture, rendered as ranges of its samples on the workers and joined there: the picture of canted_render.render, bit for bit.
 
     Parameters
@@ -32,6 +33,8 @@ def render(scene=None, size=None, spp=None, *, frames=None, parts=None, client=N
         A picture for each item: a number is the `time` of an animated scene, a dict has the options in which that picture differs.
     parts : int, optional
         Ranges of samples of a picture, at most spp. Default: two for each thread of the cluster, of at least 64 samples where that occupies all threads.
+    tiles : int, optional
+        Tiles of a picture, of whole rows with all samples, in place of ranges of samples: for few samples per pixel. Needs size; has no checkpoint.
     client : dask.distributed.Client, optional
         Default: the current client; without one, the threads of this process.
     progress : callable, optional
@@ -56,7 +59,12 @@ def render(scene=None, size=None, spp=None, *, frames=None, parts=None, client=N
     shots = [{}] if frames is None else [dict(frame) if isinstance(frame, dict) else {"time": frame} for frame in frames]
     if not shots:
         return []
-    pictures = [_Shot(scene, {"size": size, "spp": spp, **options, **shot}, parts, 2 * n_threads / len(shots), checkpoint, bool(preview)) for shot in shots]
+    shots = [{"size": size, "spp": spp, **options, **shot} for shot in shots]
+    if tiles is not None:
+        _check_tiles(tiles, parts, checkpoint)
+        pictures = [_TiledShot(scene, shot, tiles, bool(preview)) for shot in shots]
+    else:
+        pictures = [_Shot(scene, shot, parts, 2 * n_threads / len(shots), checkpoint, bool(preview)) for shot in shots]
     if client is None:
         found = dask.compute(*(shot.whole for shot in pictures), scheduler="threads")
     else:
@@ -65,16 +73,60 @@ def render(scene=None, size=None, spp=None, *, frames=None, parts=None, client=N
     return found[0] if frames is None else found
 
 
+def _check_tiles(tiles, parts, checkpoint):
+    if tiles < 1:
+        raise ValueError(f"tiles is {tiles}; use 1 or more")
+    for name, value in (("parts", parts), ("checkpoint", checkpoint)):
+        if value is not None:
+            raise ValueError(f"tiles and {name} cannot be used together")
+
+
+def _check_options(options):
+    if options.get("noise") is not None:
+        raise ValueError("noise needs all samples of a picture in one place; use spp")
+    if options.pop("threads", None) is not None:
+        raise ValueError("threads is given; a task has one thread, so start workers with as many threads as tasks are to run at once")
+
+
+class _TiledShot:
+    """The tasks of a picture in tiles: runs of rows, which are put below each other."""
+
+    def __init__(self, scene, options, tiles, has_preview):
+        _check_options(options)
+        size, spp = options.pop("size"), options.pop("spp")
+        if size is None:
+            raise ValueError("tiles needs size")
+        width, height = self.size = tuple(size)
+        if isinstance(scene, (str, os.PathLike)) and os.path.exists(scene):
+            scene = os.path.abspath(scene)
+        n = min(tiles, height)
+        ends = [height * i // n for i in range(n + 1)]
+        self.ranges = list(zip(ends, ends[1:]))
+        request = dask.delayed((scene, self.size, spp, options), traverse=False, pure=False)
+        task = dask.delayed(run, pure=False)
+        rows = [task(__version__, "render_rows", request, first, last - first) for first, last in self.ranges]
+        self.whole = task(__version__, "join_rows", rows)
+        # Pixels of a row of the preview.
+        self.reports = [task(__version__, "small_rows", own, _PREVIEW_WIDTH if has_preview else None) for own in rows]
+        self._shown = {}
+
+    def add(self, first, last, pixels):
+        """The picture so far, with a range that is finished; black where others are missing."""
+        self._shown[first] = pixels
+        n = -(-self.size[0] // _PREVIEW_WIDTH)
+        n_rows = [max(1, (last - first) // min(n, last - first)) for first, last in self.ranges]
+        black = [np.zeros((n, *pixels.shape[1:]), np.float32) for n in n_rows]
+        return np.concatenate([self._shown.get(first, black[i]) for i, (first, _) in enumerate(self.ranges)])
+
+
 class _Shot:
     """The tasks of a picture: its parts, and the whole."""
 
     def __init__(self, scene, options, parts, n_wanted, checkpoint, has_preview):
         import canted_render
 
-        if options.get("noise") is not None:
-            raise ValueError("noise needs all samples of a pixel in one place; use spp")
-        if options.pop("threads", None) is not None:
-            raise ValueError("threads is given; a task has one thread, so start workers with as many threads as tasks are to run at once")
+        _check_options(options)
+        self._sums = 0.0, 0
         if parts is not None and parts < 1:
             raise ValueError(f"parts is {parts}; use 1 or more")
         size = options.pop("size")
@@ -101,6 +153,12 @@ class _Shot:
         # What the client hears of finished parts: little, so that they need not be kept for it.
         width = _PREVIEW_WIDTH if has_preview else None
         self.reports = [task(__version__, "small_picture", part, width) for part in parts]
+
+    def add(self, first, last, pixels):
+        """The picture so far, with a range that is finished."""
+        pixels, n = self._sums[0] + (last - first) * pixels, self._sums[1] + last - first
+        self._sums = pixels, n
+        return pixels / n
 
 
 def _ranges(spp, parts):
@@ -142,16 +200,13 @@ def _wait(client, shots, progress, preview):
     wholes = client.compute([shot.whole for shot in shots])
     reports = client.compute([report for shot in shots for report in shot.reports]) if progress or preview else []
     origins = dict(zip(reports, ((i, *ends) for i, shot in enumerate(shots) for ends in shot.ranges)))
-    sums = [0.0] * len(shots), [0] * len(shots)
     try:
         if progress:
             progress(0.0)
         for n_done, report in enumerate(as_completed(reports, loop=client.loop), 1):
             if preview:
                 frame, first, last = origins[report]
-                sums[0][frame] += (last - first) * report.result()
-                sums[1][frame] += last - first
-                _preview(preview, sums[0][frame] / sums[1][frame], frame)
+                _preview(preview, shots[frame].add(first, last, report.result()), frame)
             if progress:
                 progress(n_done / len(reports))
         return client.gather(wholes)

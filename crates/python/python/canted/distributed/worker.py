@@ -85,6 +85,26 @@ def render_part(request, first, last, kept):
     return part
 
 
+def render_rows(request, top, height):
+    """Rows of a picture with all samples: pixels and AOVs."""
+    import canted_render
+
+    scene, size, spp, options = request
+    found = canted_render.render(scene, size, spp, threads=1, crop=(0, top, size[0], height), **options)
+    return np.asarray(found), found.aovs
+
+
+def join_rows(rows):
+    """Adjacent rows as one picture."""
+    pixels, aovs = zip(*rows)
+    return np.concatenate(pixels), {name: np.concatenate([own[name] for own in aovs]) for name in aovs[0]}
+
+
+def small_rows(rows, most):
+    """As small_picture, of rows."""
+    return None if most is None else _small(rows[0], most)
+
+
 def merge_parts(parts):
     """Adjacent parts as one."""
     import canted_render
@@ -105,7 +125,10 @@ def small_picture(part, most):
     """The picture of a part, with each square of n x n pixels as one, so that it is at most `most` pixels wide; None if that is not wanted."""
     if most is None:
         return None
-    pixels, _ = picture(part)
+    return _small(picture(part)[0], most)
+
+
+def _small(pixels, most):
     n = -(-pixels.shape[1] // most)
     height, width = (max(1, side // n) for side in pixels.shape[:2])
     n_rows, n_columns = min(n, pixels.shape[0]), min(n, pixels.shape[1])
@@ -149,10 +172,13 @@ TASKS = {
     "ask": ask,
     "ask_part": ask_part,
     "ask_rays": ask_rays,
+    "join_rows": join_rows,
     "merge_parts": merge_parts,
     "picture": picture,
     "render_part": render_part,
+    "render_rows": render_rows,
     "small_picture": small_picture,
+    "small_rows": small_rows,
 }
 
 

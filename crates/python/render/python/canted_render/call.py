@@ -35,7 +35,8 @@ def render(scene=None, size=None, spp=None, *, integrator=None, seed=None, aovs=
         Called with the finished fraction, which grows to 1.0. An exception that it raises ends the render.
     **options
         Any other option of `canted render` that determines a picture, by its long name with `_` for `-`: eye, target, up, fov, aperture,
-        focus, env, sun, point, sphere, bounces, filter, sampler, noise, ao_radius, lod, time, animation, levels, accel, preset and so on.
+        focus, env, sun, point, sphere, bounces, filter, sampler, noise, ao_radius, lod, time, animation, levels, accel, preset and so on;
+        and crop: (left, top, width, height) in pixels, the part that is rendered and returned.
         Values are numbers, strings, or sequences of numbers; sequences of these for an option that may be repeated, such as sun.
 
     A dict has the tables and keys of a scene file (docs/scene-file.md): "assets", "instances", "camera", "lights", "environment", "materials",
