@@ -106,7 +106,6 @@ class _TiledShot:
         task = dask.delayed(run, pure=False)
         rows = [task(__version__, "render_rows", request, first, last - first) for first, last in self.ranges]
         self.whole = task(__version__, "join_rows", rows)
-        # Pixels of a row of the preview.
         self.reports = [task(__version__, "small_rows", own, _PREVIEW_WIDTH if has_preview else None) for own in rows]
         self._shown = {}
 

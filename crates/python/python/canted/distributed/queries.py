@@ -8,12 +8,10 @@ import weakref
 import dask
 import dask.array as da
 import numpy as np
-from dask.delayed import Delayed
-from dask.highlevelgraph import HighLevelGraph
 
 from .. import Bvh, Tiles, __version__, _canted
 from .results import Closest, Listed, Nearest, check_sizes
-from .travel import choose, holders, of_parts
+from .travel import choose, holders, in_graph, of_parts
 from .worker import Source, fsspec_module, run
 
 # Rows of a chunk of a NumPy array: a second or so of work, so that Dask's overhead, about a millisecond for each task, does not count.
@@ -43,8 +41,7 @@ def _source(bvh, memory):
 
 
 def _in_graph(source):
-    name = "canted-bvh-" + dask.base.tokenize(source)
-    return Delayed(name, HighLevelGraph.from_collections(name, {name: source}))
+    return in_graph("canted-bvh-" + dask.base.tokenize(source), source)
 
 
 def _opened(bvh, memory):
@@ -142,7 +139,11 @@ def _rays(bvh, method, origins, directions, t_min, t_max, origin, memory, chunk,
     n_rays, n_chunks = float(np.prod(shape.shape[:-1])), int(np.prod(shape.numblocks))
     parts = choose(travel, sizes if is_exact else [], memory, n_rays, n_chunks)
     if parts:
-        return of_parts(arrays, ends, shape, holders(source, parts, sizes), method, given), types
+
+        def ask(arrays, part):
+            return _answers("ask_part", arrays, shape, part, method, given)
+
+        return of_parts(ask, [*arrays, *ends], holders(source, parts, sizes)), types
     return _answers("ask_rays", [*arrays, *ends], shape, _in_graph(source), method, given), types
 
 

@@ -12,9 +12,6 @@ import numpy as np
 from dask.delayed import Delayed
 from dask.highlevelgraph import HighLevelGraph
 
-from .. import __version__
-from .worker import run
-
 # Bytes that a ray and its hit take on the way from a worker to the next, about.
 _RAY_BYTES = 150
 
@@ -71,34 +68,22 @@ def holders(source, parts, sizes):
     client, workers = _workers()
     for i, (first, n) in enumerate(parts):
         own = source.of_part(first, n, sum(sizes[first : first + n]))
+        name, value = "canted-part-" + dask.base.tokenize(own), own
         if workers:
-            name = "canted-part-" + dask.base.tokenize(own)
             value = client.submit(own.held, key=name, workers=[workers[i % len(workers)]], allow_other_workers=True)
-        else:
-            name, value = "canted-part-" + dask.base.tokenize(own), own
-        yield Delayed(name, HighLevelGraph.from_collections(name, {name: value}))
+        yield in_graph(name, value)
 
 
-def of_parts(arrays, ends, shape, sources, method, given):
-    """A Dask array with the answers of all chunks, as those of one task for each."""
-    ndim, found = shape.ndim - 1, None
+def in_graph(name, value):
+    """A value of a graph, which each worker gets once."""
+    return Delayed(name, HighLevelGraph.from_collections(name, {name: value}))
+
+
+def of_parts(ask, arrays, sources):
+    """A Dask array with the answers of all chunks, part after part. `ask` makes those of one part, whose last array has the answers before it."""
+    found = None
     for source in sources:
-        before = [] if found is None else [_with_axis(found)]
-        found = da.map_blocks(
-            run,
-            __version__,
-            "ask_part",
-            *arrays,
-            *ends,
-            *before,
-            source=source,
-            method=method,
-            given=given,
-            token=f"canted-{method}",
-            drop_axis=ndim,
-            dtype=object,
-            meta=np.empty((0,) * ndim, object),
-        )
+        found = ask([*arrays, *([] if found is None else [_with_axis(found)])], source)
     return found
 
 
