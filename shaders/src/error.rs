@@ -20,6 +20,11 @@ pub enum ShaderError {
         /// The slot, constant or override.
         what: String,
     },
+    /// A name of the caller's choice is no name in WGSL.
+    BadName {
+        /// The name, or the start of one.
+        name: String,
+    },
     /// The text is not valid WGSL.
     Invalid {
         /// The kernel.
@@ -35,6 +40,9 @@ impl std::fmt::Display for ShaderError {
             Self::NoSuchFile { name } => write!(f, "no shader file '{name}'"),
             Self::MissingChoice { kernel, what } => write!(f, "kernel '{kernel}' needs a choice for '{what}'"),
             Self::UnknownChoice { kernel, what } => write!(f, "kernel '{kernel}' has no slot or constant '{what}'"),
+            Self::BadName { name } => {
+                write!(f, "'{name}' is no name in WGSL; use letters, digits and underscores, a letter first")
+            }
             Self::Invalid { kernel, message } => write!(f, "kernel '{kernel}' is not valid: {message}"),
         }
     }

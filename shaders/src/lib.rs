@@ -22,7 +22,7 @@
 //! |---|---|
 //! | [`Variant`], [`assemble`] | choose the parts of a kernel; its WGSL text |
 //! | [`Shader`] | a validated kernel with bindings, work-group size and structure layouts, read by `naga` |
-//! | [`traversal_module`] | `closest_hit` and `occluded` for a kernel of your own |
+//! | [`traversal_module`], [`ModuleOptions`] | `closest_hit` and `occluded` for a kernel of your own |
 //! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
 //! | [`kernels`], [`FILES`] | names and texts of all files |
 //! | [`variants`] | variants of a kernel that have every choice, for checks of all kernels |
@@ -47,7 +47,7 @@ mod variants;
 pub use error::ShaderError;
 pub use files::{FILES, kernels};
 pub use lint::lint;
-pub use module::traversal_module;
+pub use module::{MODULE_BUFFERS, ModuleOptions, TABLE_BYTES, traversal_module};
 pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, ShaderStage};
 pub use source::{Variant, assemble};
 pub use variants::variants;

@@ -4,24 +4,102 @@ use std::collections::HashSet;
 
 use crate::{ShaderError, Variant, assemble};
 
-/// Names that a user's kernel calls. All other names get a prefix.
+/// Names that a user's kernel calls.
 const PUBLIC: [&str; 6] = ["Ray", "Hit", "closest_hit", "occluded", "NONE", "is_incomplete"];
 
 /// Words before a declared name.
 const DECLARES: [&str; 6] = ["fn", "struct", "const", "var", "override", "alias"];
 
 /// Before all other names of the module, so that they do not collide with those of the kernel.
-const PREFIX: &str = "canted_";
+const PRIVATE: &str = "canted_";
 
-/// WGSL with `closest_hit(ray: Ray) -> Hit` and `occluded(ray: Ray) -> bool`, whose buffers are in bind group `group`.
+/// How ray traversal is included in a kernel. A number converts into the options with this bind group.
 ///
-/// `chosen` selects the structure. A kernel joins the text to its own; declarations come in any order.
+/// ```
+/// use canted_shaders::ModuleOptions;
+///
+/// // rt_Ray, rt_Hit, rt_closest_hit and so on, for a kernel that has a Ray of its own.
+/// let options = ModuleOptions { group: 1, prefix: "rt_" };
+/// assert_eq!(ModuleOptions::from(1), ModuleOptions { prefix: "", ..options });
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModuleOptions<'a> {
+    /// Bind group of its buffers.
+    pub group: u32,
+    /// Comes before all its names: letters, digits and underscores, a letter first. With different prefixes and groups a kernel includes the modules of
+    /// several scenes.
+    pub prefix: &'a str,
+}
+
+impl From<u32> for ModuleOptions<'_> {
+    fn from(group: u32) -> Self {
+        Self { group, ..Self::default() }
+    }
+}
+
+/// Storage buffers of the module of any structure: nodes, triangles and tables, in the order of their bindings.
+pub const MODULE_BUFFERS: u32 = 3;
+
+/// Tables start at multiples of it in their common buffer.
+pub const TABLE_BYTES: u32 = 256;
+
+/// WGSL with `closest_hit(ray: Ray) -> Hit` and `occluded(ray: Ray) -> bool`.
+///
+/// `chosen` selects the structure. `tables` are its storage buffers other than nodes and triangles, in the order in which they lie in one buffer, each with
+/// its number of values, and each at the next multiple of [`TABLE_BYTES`]. A kernel joins the text to its own; declarations come in any order.
 ///
 /// # Errors
-/// A slot or constant without a choice.
-pub fn traversal_module(chosen: &Variant, group: u32) -> Result<String, ShaderError> {
-    let text = assemble("shared/traverse", chosen)?;
-    Ok(prefixed(&code(&text)).replace("@group(0)", &format!("@group({group})")))
+/// A slot or constant without a choice; a table that the structure does not have; a prefix that is no start of a name.
+pub fn traversal_module<'a>(
+    chosen: &Variant,
+    tables: &[(&str, u32)],
+    options: impl Into<ModuleOptions<'a>>,
+) -> Result<String, ShaderError> {
+    let ModuleOptions { group, prefix } = options.into();
+    check_name(prefix)?;
+    let text = joined(&code(&assemble("shared/traverse", chosen)?), tables)?;
+    Ok(prefixed(&text, prefix).replace("@group(0)", &format!("@group({group})")))
+}
+
+/// The text with one buffer in place of several.
+///
+/// Kernels of this package bind each table. Tables as members of a structure have the same code, and arrays of fixed size cost nothing: a module is the text
+/// of one scene anyway.
+fn joined(text: &str, tables: &[(&str, u32)]) -> Result<String, ShaderError> {
+    let mut text = text.to_owned();
+    let mut members = String::new();
+    for &(name, length) in tables {
+        let declares = format!("var<storage, read> {name}: array<");
+        let line = text.lines().find(|line| line.contains(&declares)).map(str::to_owned);
+        let of = |line: &String| Some(line.split_once(&declares)?.1.strip_suffix(">;")?.to_owned());
+        let Some((line, element)) = line.and_then(|line| of(&line).map(|element| (line, element))) else {
+            return Err(ShaderError::UnknownChoice { kernel: "shared/traverse".to_owned(), what: name.to_owned() });
+        };
+        members.push_str(&format!("@align({TABLE_BYTES}) {name}: array<{element}, {length}u>,\n"));
+        text = text.replace(&(line + "\n"), "").replace(&format!("arrayLength(&{name})"), &format!("{length}u"));
+    }
+    let mut result = String::with_capacity(2 * text.len());
+    let mut previous = "";
+    for token in tokens(&text) {
+        if previous != "." && tables.iter().any(|(name, _)| *name == token) {
+            result.push_str("tables.");
+        }
+        result.push_str(token);
+        previous = token;
+    }
+    let binding = MODULE_BUFFERS - 1;
+    result.push_str(&format!("struct Tables {{\n{members}}}\n"));
+    result.push_str(&format!("@group(0) @binding({binding}) var<storage, read> tables: Tables;\n"));
+    Ok(result)
+}
+
+/// Rejects what cannot start a name; nothing can.
+fn check_name(name: &str) -> Result<(), ShaderError> {
+    let is_part = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    if is_part && name.chars().next().is_none_or(|first| first.is_ascii_alphabetic()) {
+        return Ok(());
+    }
+    Err(ShaderError::BadName { name: name.to_owned() })
 }
 
 /// The text without comments.
@@ -30,8 +108,8 @@ fn code(text: &str) -> String {
     text.lines().map(line).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n") + "\n"
 }
 
-/// The text with a prefix at every name that it declares outside of functions and structures, except the public ones.
-fn prefixed(text: &str) -> String {
+/// The text with a prefix at every name that it declares outside of functions and structures. Private names get one more.
+fn prefixed(text: &str, prefix: &str) -> String {
     let names = declared(text);
     let tokens: Vec<&str> = tokens(text).collect();
     let mut result = String::with_capacity(2 * text.len());
@@ -45,7 +123,10 @@ fn prefixed(text: &str) -> String {
         }
         let is_member = i > 0 && tokens[i - 1] == "." || is_structure && tokens.get(i + 1) == Some(&":");
         if names.contains(token) && !is_member {
-            result.push_str(PREFIX);
+            result.push_str(prefix);
+            if !PUBLIC.contains(&token) {
+                result.push_str(PRIVATE);
+            }
         }
         result.push_str(token);
     }
@@ -70,7 +151,7 @@ fn declared(text: &str) -> HashSet<&str> {
                 continue;
             }
             _ if is_type => continue,
-            name if depth == 0 && DECLARES.contains(&previous) && !PUBLIC.contains(&name) => {
+            name if depth == 0 && DECLARES.contains(&previous) => {
                 names.insert(name);
             }
             _ => {}
@@ -104,7 +185,34 @@ mod tests {
         let expected = "@group(0) @binding(1) var<storage, read> canted_near: array<f32>;\nconst canted_FAR: f32 = 1.0;\n\
                         struct Ray { near: f32 }\n\
                         fn closest_hit(ray: Ray) -> f32 { let far = canted_FAR; return canted_near[0] * ray.near + far; }";
-        assert_eq!(prefixed(text), expected);
+        assert_eq!(prefixed(text, ""), expected);
+    }
+
+    #[test]
+    fn a_prefix_comes_before_public_names_too() {
+        let text = "struct Ray { Hit: f32 }\nfn near(ray: Ray) -> f32 { return ray.Hit; }\n";
+        let expected = "struct rt_Ray { Hit: f32 }\nfn rt_canted_near(ray: rt_Ray) -> f32 { return ray.Hit; }\n";
+        assert_eq!(prefixed(text, "rt_"), expected);
+    }
+
+    #[test]
+    fn prefixes_that_start_no_name_are_rejected() {
+        for name in ["1", "_x", "a b", "é", "x-"] {
+            assert_eq!(check_name(name), Err(ShaderError::BadName { name: name.to_owned() }));
+        }
+        for name in ["", "x", "Rt2_"] {
+            assert_eq!(check_name(name), Ok(()));
+        }
+    }
+
+    #[test]
+    fn tables_become_members_of_one_buffer() {
+        let text = "@group(0) @binding(2) var<storage, read> rows: array<Row>;\nfn f(x: X) -> u32 { return rows[arrayLength(&rows) - 1u].a + x.rows; }\n";
+        let expected = "fn f(x: X) -> u32 { return tables.rows[7u - 1u].a + x.rows; }\n\
+                        struct Tables {\n@align(256) rows: array<Row, 7u>,\n}\n\
+                        @group(0) @binding(2) var<storage, read> tables: Tables;\n";
+        assert_eq!(joined(text, &[("rows", 7)]).unwrap(), expected);
+        assert!(joined(text, &[("columns", 7)]).is_err());
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
+use std::collections::BTreeSet;
+
 use canted_shaders::{
-    BindingKind, MAX_STORAGE_BUFFERS, Shader, ShaderStage, Variant, kernels, lint, traversal_module, variants,
+    BindingKind, MAX_STORAGE_BUFFERS, MODULE_BUFFERS, ModuleOptions, Shader, ShaderStage, Variant, kernels, lint,
+    traversal_module, variants,
 };
 
 /// Limits that every device supports: the defaults of WebGPU, except for storage buffers.
@@ -77,19 +80,40 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
+/// Tables of a structure, with some lengths.
+fn tables(chosen: &Variant) -> Vec<(&'static str, u32)> {
+    let level = chosen.parts().find(|(slot, _)| *slot == "level").unwrap().1;
+    let above: &[(&str, u32)] = match level {
+        "shared/level/single" => &[],
+        "shared/level/flat" => &[("first_triangles", 3)],
+        "shared/level/instances" => &[("instances", 5), ("instance_order", 4)],
+        "shared/level/moving" => &[("instances", 5), ("instance_order", 4), ("motions", 1)],
+        other => panic!("{other}"),
+    };
+    [&[("bvhs", 2)], above].concat()
+}
+
 #[test]
 fn a_kernel_includes_the_module_of_every_structure() {
     for chosen in choices("shared/traverse") {
-        let module = traversal_module(&chosen, 1).unwrap();
+        let tables = tables(&chosen);
+        let module = traversal_module(&chosen, &tables, 1).unwrap();
         let text = format!("{module}{USER}");
         let parsed =
             naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
         let flags = naga::valid::ValidationFlags::all();
         let found = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty()).validate(&parsed);
         found.unwrap_or_else(|error| panic!("{chosen:?}: {}", error.emit_to_string(&text)));
-        assert!(!module.contains("@group(0)") && module.contains("@group(1)"));
-        // Two modules, of two scenes, do collide: a kernel includes one.
+        assert!(!module.contains("@group(0)"));
+        // The triangles of binary BVHs and of others have the same number.
+        let numbers: BTreeSet<&str> =
+            module.split("@group(1) @binding(").skip(1).filter_map(|rest| Some(rest.split_once(')')?.0)).collect();
+        assert_eq!(numbers.len(), MODULE_BUFFERS as usize, "{numbers:?}");
+        // Two modules, of two scenes, collide without prefixes.
         assert!(naga::front::wgsl::parse_str(&format!("{module}{module}")).is_err());
+        let other = traversal_module(&chosen, &tables, ModuleOptions { group: 2, prefix: "other_" }).unwrap();
+        let text = format!("{module}{other}{USER}");
+        naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
     }
 }
 

@@ -13,11 +13,17 @@ use crate::{Gpu, GpuError};
 /// A device buffer of `len` values of `T`. Never empty on the device, because an empty binding is invalid.
 pub struct Buffer<T> {
     pub(crate) raw: wgpu::Buffer,
+    /// Where the values start; several buffers may be parts of one.
+    pub(crate) first_byte: u64,
+    n_bytes: u64,
     len: usize,
     values: PhantomData<T>,
     /// Releases the memory when the buffer is dropped.
     reservation: Arc<Reservation>,
 }
+
+/// Parts of buffers start at multiples of it: WebGPU's default of `min_storage_buffer_offset_alignment`, above which no device is.
+pub(crate) const PART_BYTES: u64 = canted_shaders::TABLE_BYTES as u64;
 
 impl<T> Buffer<T> {
     /// Number of values.
@@ -32,7 +38,7 @@ impl<T> Buffer<T> {
         self.len == 0
     }
 
-    /// The buffer itself, for a program's own bind groups and copies.
+    /// The buffer itself, for a program's own bind groups and copies. All of it has these values, if the program made it.
     #[must_use]
     pub fn wgpu(&self) -> &wgpu::Buffer {
         &self.raw
@@ -41,12 +47,27 @@ impl<T> Buffer<T> {
     /// Size on the device, in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
-        self.raw.size()
+        self.n_bytes
     }
 
     /// A buffer of `len` values and its reservation of the memory.
     pub(crate) fn of_parts(raw: wgpu::Buffer, len: usize, reservation: Arc<Reservation>) -> Self {
-        Self { raw, len, values: PhantomData, reservation }
+        let n_bytes = raw.size();
+        Self { raw, first_byte: 0, n_bytes, len, values: PhantomData, reservation }
+    }
+
+    /// The part of `len` values from a byte on, a multiple of [`PART_BYTES`]. It shares the memory.
+    pub(crate) fn part<U>(&self, first_byte: u64, len: usize) -> Buffer<U> {
+        let n_bytes = Gpu::n_bytes_of::<U>(len);
+        assert!(first_byte % PART_BYTES == 0 && first_byte + n_bytes <= self.n_bytes, "a part beyond its buffer");
+        Buffer {
+            raw: self.raw.clone(),
+            first_byte: self.first_byte + first_byte,
+            n_bytes,
+            len,
+            values: PhantomData,
+            reservation: self.reservation.clone(),
+        }
     }
 
     /// The buffer and its reservation of the memory.
@@ -104,7 +125,7 @@ impl Gpu {
     /// Overwrites the first values of `buffer`. Takes effect before the next submission.
     pub fn write<T: Pod>(&self, buffer: &Buffer<T>, values: &[T]) {
         assert!(values.len() <= buffer.len, "a buffer of {} takes no {} values", buffer.len, values.len());
-        self.upload(&buffer.raw, 0, bytemuck::cast_slice(values));
+        self.upload(&buffer.raw, buffer.first_byte, bytemuck::cast_slice(values));
     }
 
     /// A buffer for resolved timestamp queries.
@@ -154,7 +175,13 @@ impl Gpu {
         let size = size_of::<T>() as u64;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (to, &from) in (0u64..).zip(at) {
-            encoder.copy_buffer_to_buffer(&buffer.raw, u64::from(from) * size, &gathered.raw, to * size, size);
+            encoder.copy_buffer_to_buffer(
+                &buffer.raw,
+                buffer.first_byte + u64::from(from) * size,
+                &gathered.raw,
+                to * size,
+                size,
+            );
         }
         self.queue.submit([encoder.finish()]);
         self.read_async(&gathered).await

@@ -84,7 +84,8 @@ pub trait AsBinding {
 
 impl<T> AsBinding for Buffer<T> {
     fn resource(&self) -> wgpu::BindingResource<'_> {
-        self.raw.as_entire_binding()
+        let size = std::num::NonZeroU64::new(Self::n_bytes(self));
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &self.raw, offset: self.first_byte, size })
     }
 
     fn n_bytes(&self) -> u64 {
@@ -168,7 +169,9 @@ impl Commands<'_> {
         groups: &Buffer<T>,
         number: u32,
     ) -> Result<(), GpuError> {
-        self.record_pass(kernel, bound, |pass| pass.dispatch_workgroups_indirect(&groups.raw, 12 * u64::from(number)))
+        self.record_pass(kernel, bound, |pass| {
+            pass.dispatch_workgroups_indirect(&groups.raw, groups.first_byte + 12 * u64::from(number))
+        })
     }
 
     /// Adds a pass of one dispatch.
@@ -212,23 +215,24 @@ impl Commands<'_> {
     /// Copies `n` values.
     pub(crate) fn copy_range<T>(&mut self, (from, first): (&Buffer<T>, u32), (to, at): (&Buffer<T>, u32), n: u32) {
         let bytes = |n: u32| u64::from(n) * size_of::<T>() as u64;
-        self.encoder.get().copy_buffer_to_buffer(&from.raw, bytes(first), &to.raw, bytes(at), bytes(n));
+        let (first, at) = (from.first_byte + bytes(first), to.first_byte + bytes(at));
+        self.encoder.get().copy_buffer_to_buffer(&from.raw, first, &to.raw, at, bytes(n));
     }
 
     /// Fills `n` values with zeros.
     pub(crate) fn clear_range<T>(&mut self, buffer: &Buffer<T>, first: u32, n: u32) {
         let bytes = |n: u32| u64::from(n) * size_of::<T>() as u64;
-        self.encoder.get().clear_buffer(&buffer.raw, bytes(first), Some(bytes(n)));
+        self.encoder.get().clear_buffer(&buffer.raw, buffer.first_byte + bytes(first), Some(bytes(n)));
     }
 
     /// Sets a word of a buffer of any type to zero.
     pub(crate) fn clear_word<T>(&mut self, buffer: &Buffer<T>, word: u32) {
-        self.encoder.get().clear_buffer(&buffer.raw, 4 * u64::from(word), Some(4));
+        self.encoder.get().clear_buffer(&buffer.raw, buffer.first_byte + 4 * u64::from(word), Some(4));
     }
 
     /// Fills `buffer` with zeros.
     pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
-        self.encoder.get().clear_buffer(&buffer.raw, 0, None);
+        self.encoder.get().clear_buffer(&buffer.raw, buffer.first_byte, Some(buffer.n_bytes()));
     }
 
     /// Submits the dispatches added so far, so that other programs can use the device in between.

@@ -95,7 +95,7 @@
 //!
 //! | limit of the device | required |
 //! |---|---|
-//! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 to 6 of those of your kernel: see [`TracedScene::module`] |
+//! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 of those of your kernel: see [`Gpu::check_module`] |
 //! | `max_storage_buffer_binding_size` | bounds the number of triangles: see [`DeviceBvh`] |
 //!
 //! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
@@ -109,7 +109,8 @@
 //!
 //! # Buffers of a scene
 //!
-//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them, all as read-only storage.
+//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them, all as read-only storage: bindings 0 and 1 as they are, and all
+//! others as one buffer with binding 2, where each starts at the next multiple of 256 bytes, in the order of the table. Kernels of this crate bind each.
 //! [`TracedScene::buffer`] has the buffers themselves, for programs that read them in other ways. All numbers are 32 bits wide. A row is four of
 //! them, 16 bytes, and aligned to 16 bytes.
 //!
@@ -210,7 +211,7 @@ pub use buffer::Buffer;
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_lbvh::{Bits, Strategy};
 pub use canted_obb::Affine;
-pub use canted_shaders::Variant;
+pub use canted_shaders::{ModuleOptions, Variant};
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime, loop_iterations, loop_iterations_async};
 pub use device::Gpu;
 pub use error::GpuError;

@@ -51,7 +51,8 @@ impl Gpu {
         let size = n_bytes.next_multiple_of(4) as u64;
         let staging = self.staging.take(&self.device, size);
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(&buffer.raw, (values.start * size_of::<T>()) as u64, &staging, 0, size);
+        let first_byte = buffer.first_byte + (values.start * size_of::<T>()) as u64;
+        encoder.copy_buffer_to_buffer(&buffer.raw, first_byte, &staging, 0, size);
         let submission = self.queue.submit([encoder.finish()]);
         let (sender, mapped) = slot();
         staging.map_async(MapMode::Read, ..size, move |result| sender.send(result));

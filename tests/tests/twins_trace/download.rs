@@ -184,6 +184,6 @@ fn damaged_bvhs_are_refused() {
 
 /// Replaces a word of the nodes.
 fn overwrite(gpu: &Gpu, scene: &TracedScene, word: u64, value: u32) {
-    let nodes: &wgpu::Buffer = scene.buffer("nodes").unwrap();
+    let nodes: &wgpu::Buffer = scene.buffer("nodes").unwrap().buffer;
     gpu.queue().write_buffer(nodes, 4 * word, &value.to_le_bytes());
 }

@@ -9,10 +9,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::instances::Level;
 use super::layout::{BvhHeader, CENTER_REACH, HIT_ERROR};
 use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
+use super::tables::Level;
 use crate::build::{BuildEncoder, Built, Change, Faults, MeshBuffers, Primitives, Scales, Which, fault, refit_aabbs};
 use crate::{Gpu, GpuError, NamedBinding, wait::block_on};
 
@@ -132,7 +132,7 @@ impl BufferScene {
         let built = bvh.build(&mut build, primitives).await?;
         let new = NewNodes::new(&mut build, bvh, &built, None).await?;
         let depth = new.depth_bound(bvh, &built, None);
-        let traced = TracedScene::over(gpu, new.nodes, &new.headers, Level::flat(gpu, &firsts)?, depth).await?;
+        let traced = TracedScene::over(gpu, new.nodes, &new.headers, &Level::flat(&firsts), depth).await?;
         let n_triangles = meshes.iter().map(|mesh| mesh.n_triangles).collect();
         let scene = Self { traced, built, faults, n_triangles, bvh };
         scene.put_header(&mut build)?;
@@ -263,7 +263,8 @@ pub(super) fn put_headers(
     let gpu = build.gpu();
     let Scales { reach, error } = scales(built.obbs.is_some());
     let scale = gpu.uniform("scale of headers", &HeaderScale { reach, error, first_header })?;
-    let more: [NamedBinding<'_>; 3] = [("aabbs", &built.aabbs), ("headers", scene.headers()), ("header_scale", &scale)];
+    let headers = scene.tables().headers();
+    let more: [NamedBinding<'_>; 3] = [("aabbs", &built.aabbs), ("headers", headers), ("header_scale", &scale)];
     let bound = built.primitives.bound(&more);
     build.stage("headers", |dispatches| {
         let kernel = gpu.kernel("build/headers", &built.primitives.part())?;

@@ -11,7 +11,6 @@ use canted_trace::TriangleTest;
 use canted_wide::{RawBvh, TriangleBvh};
 
 use super::TracedScene;
-use super::instances::Level;
 use super::layout::{BvhHeader, EMPTY, LEAF, Quad};
 use super::nodes::{Nodes, WideNodes};
 use crate::{Gpu, GpuError, wait::block_on};
@@ -43,7 +42,7 @@ impl TracedScene {
     /// # Errors
     /// As for [`TracedScene::download`].
     pub async fn download_async(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
-        if let Level::Two(_) = self.level() {
+        if self.tables().instances().is_some() {
             let what = "a download of a scene of two levels as one BVH; download its meshes".to_owned();
             return Err(GpuError::Unsupported { what });
         }
@@ -64,8 +63,8 @@ impl TracedScene {
     /// As for [`TracedScene::download_mesh`].
     pub async fn download_mesh_async(&self, gpu: &Gpu, mesh: usize) -> Result<DownloadedBvh, GpuError> {
         // The first header of two levels is that of the top level.
-        let n_above = usize::from(matches!(self.level(), Level::Two(_)));
-        let n_meshes = self.headers().len() - n_above;
+        let n_above = usize::from(self.tables().instances().is_some());
+        let n_meshes = self.tables().headers().len() - n_above;
         if mesh >= n_meshes {
             return Err(GpuError::Input {
                 message: format!("there is no mesh {mesh} in a scene of {n_meshes} meshes"),
@@ -76,7 +75,7 @@ impl TracedScene {
 
     /// The BVH with a header.
     async fn download_number(&self, gpu: &Gpu, number: usize) -> Result<DownloadedBvh, GpuError> {
-        let header = gpu.read_async(self.headers()).await?[number];
+        let header = gpu.read_async(self.tables().headers()).await?[number];
         let flawed = |flaw: String| GpuError::Input { message: format!("the BVH on the device is damaged: {flaw}") };
         match &self.nodes {
             Nodes::Binary(pairs) => {

@@ -8,10 +8,10 @@
 //! Updates read nothing back: inverses and boxes of instances are computed on the device.
 
 use super::buffer_scene::{BufferConfig, check_same_counts, put_headers, scales};
-use super::instances::{Instances, Level};
 use super::layout::{BvhHeader, EMPTY};
 use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
+use super::tables::Level;
 use crate::build::{
     BuildEncoder, Built, Change, Faults, InstanceBuffer, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Primitives, Which,
     fault, instance_fault, refit_aabbs,
@@ -101,8 +101,8 @@ impl InstancedScene {
         let NewNodes { nodes, mut headers, .. } = new;
         // For instances that are not placed.
         headers.push(BvhHeader::binary(EMPTY, 0));
-        let level = Level::Two(Instances::unplaced(gpu, instances.n_instances)?);
-        let traced = TracedScene::over(gpu, nodes, &headers, level, depth).await?;
+        let level = Level::unplaced(instances.n_instances);
+        let traced = TracedScene::over(gpu, nodes, &headers, &level, depth).await?;
         let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
         let instance_faults = gpu.zeroed("faults of instances", N_INSTANCE_FAULTS)?;
         let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, bvh };
@@ -281,9 +281,10 @@ impl InstancedScene {
             let message = format!("{} instances, and {n} when the scene was built", instances.n_instances);
             return Err(GpuError::Input { message });
         }
-        let Level::Two(placed) = self.traced.level() else { return Ok(()) };
+        let tables = self.traced.tables();
+        let Some(placed) = tables.instances() else { return Ok(()) };
         let nodes = &self.traced.nodes;
-        let targets = (placed.data(), self.traced.headers(), &self.instance_faults);
+        let targets = (placed, tables.headers(), &self.instance_faults);
         let scales = scales(nodes.top_is_oriented());
         self.top.primitives.place(build, instances, &self.boxes, scales, targets)?;
         self.top.rebuild(build, self.bvh.top())?;

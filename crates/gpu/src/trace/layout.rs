@@ -120,7 +120,7 @@ impl BvhHeader {
 }
 
 /// An instance.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct InstanceData {
     /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.

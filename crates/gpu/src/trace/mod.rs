@@ -15,10 +15,12 @@ mod undecided;
 
 mod instances;
 mod nodes;
+mod tables;
 
 mod scene;
 
 mod download;
+mod module;
 mod query;
 
 mod buffer_scene;

@@ -7,13 +7,14 @@ use canted_obb::Aabb;
 use canted_tlas::Instance;
 use canted_wide::{RawBvh, TriangleBvh};
 
-use super::instances::{Instances, Level, MeshBounds, Packing, TopLevel, placed_boxes};
+use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
 use super::nodes::{DEPTH_STEP, DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes};
 use super::octants::by_octants;
+use super::tables::{Level, Tables};
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
 use crate::commands::{LONG_LOOP, longest_loop};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
+use crate::{Gpu, GpuError, NamedBinding, Variant, wait::block_on};
 
 /// Iteration limit of an invocation on other drivers: about a second on the slowest devices, far more than rays need.
 const MAX_ITERATIONS: u32 = 1 << 18;
@@ -29,8 +30,7 @@ const LANES: u32 = 8;
 /// from the CPU's by that much.
 pub struct TracedScene {
     pub(super) nodes: Nodes,
-    bvhs: Buffer<BvhHeader>,
-    level: Level,
+    tables: Tables,
     /// Maximum depth in nodes.
     pub(super) depth: u32,
     max_iterations: u32,
@@ -154,8 +154,8 @@ impl TracedScene {
                 check_depth(deepest)?;
                 let words = by_octants(&meshes[0].0);
                 let (nodes, headers) = WideNodes::uploaded(gpu, &[(&words, HitError::of_triangles(words.reach))])?;
-                let level = Level::flat(gpu, first_triangles)?;
-                return Self::over(gpu, Nodes::Wide(nodes), &headers, level, deepest).await;
+                let level = Level::flat(first_triangles);
+                return Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await;
             }
             Levels::Two(instances) => instances,
         };
@@ -163,12 +163,12 @@ impl TracedScene {
         let words = by_octants(&outer.bvh.raw());
         let depth = words.depth + deepest;
         check_depth(depth)?;
-        let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order(&words))?);
         let ordered: Vec<_> = meshes.iter().map(|(words, _)| by_octants(words)).collect();
         let bvhs = ordered.iter().map(|words| (words, HitError::of_triangles(words.reach)));
         let all: Vec<_> = std::iter::once((&words, outer.packing.error)).chain(bvhs).collect();
         let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
-        Self::over(gpu, Nodes::Wide(nodes), &headers, level, depth).await
+        let order = outer.order(&words);
+        Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await
     }
 
     /// Builds on the device. Read back are the depth of the trees, which sizes the stack, and the boxes of the roots, from which the CPU
@@ -182,15 +182,14 @@ impl TracedScene {
         let (level, top) = match levels {
             Levels::One(first_triangles) => {
                 check_coordinates(|| "the scene".to_owned(), bounds[0].reach.into())?;
-                (Level::flat(gpu, first_triangles)?, None)
+                (Level::flat(first_triangles), None)
             }
             Levels::Two(instances) => {
                 let packing = Packing::of(&bounds, instances)?;
                 let boxes = placed_boxes(&packing, &bottom.roots_async(gpu).await?, instances);
                 let config = BuildConfig { bits: bvh.bottom().bits, ..bvh.top() };
                 let top = Built::new_async(&mut build, Primitives::boxes(gpu, &boxes)?, config).await?;
-                let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
-                (level, Some((top, packing)))
+                (Level::One, Some((top, packing)))
             }
         };
         let tree = top.as_ref().map(|(top, _)| top);
@@ -208,7 +207,14 @@ impl TracedScene {
             header.with_bounds(if is_oriented { CENTER_REACH * reach } else { reach }, error)
         });
         let headers: Vec<BvhHeader> = headers.collect();
-        Self::over(gpu, nodes.without_updates(), &headers, level, depth).await
+        let level = match top {
+            Some((_, packing)) => {
+                let order = packing.numbers.clone();
+                Level::two(packing, order)
+            }
+            None => level,
+        };
+        Self::over(gpu, nodes.without_updates(), &headers, &level, depth).await
     }
 
     /// A scene whose BVHs have these headers.
@@ -216,47 +222,37 @@ impl TracedScene {
         gpu: &Gpu,
         nodes: Nodes,
         headers: &[BvhHeader],
-        level: Level,
+        level: &Level,
         depth: u32,
     ) -> Result<Self, GpuError> {
         check_depth(depth)?;
         // A stack of another size is another kernel.
         let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
         let max_iterations = iteration_limit(longest_loop(gpu).await?);
-        let bvhs = match nodes.are_final() {
-            true => gpu.read_only("bvhs", headers)?,
-            // The device may write these.
-            false => gpu.buffer("bvhs", headers)?,
-        };
-        Ok(Self { nodes, bvhs, level, depth, max_iterations, is_exact: false, n_exact_rays: AtomicU64::new(0) })
+        let tables = Tables::new(gpu, headers, level, nodes.are_final())?;
+        Ok(Self { nodes, tables, depth, max_iterations, is_exact: false, n_exact_rays: AtomicU64::new(0) })
     }
 
-    /// The headers of all BVHs.
-    pub(super) fn headers(&self) -> &Buffer<BvhHeader> {
-        &self.bvhs
-    }
-
-    /// What is above the BVHs of meshes.
-    pub(super) fn level(&self) -> &Level {
-        &self.level
+    /// Headers, and what is above the BVHs of meshes.
+    pub(super) fn tables(&self) -> &Tables {
+        &self.tables
     }
 
     /// The bindings of kernels that trace rays, by variable name.
     #[must_use]
     pub fn bindings(&self) -> Vec<NamedBinding<'_>> {
         let mut bound = self.nodes.bindings();
-        bound.push(("bvhs", &self.bvhs));
-        bound.extend(self.level.bindings());
+        bound.extend(self.tables.bindings());
         bound
     }
 
-    /// The buffer of a variable, for a program that reads it in other ways; the front page of this crate has names and layouts. `None` for
-    /// a variable that the scene does not have.
+    /// The buffer of a variable and where it lies in there, for a program that reads it in other ways; the front page of this crate has names and
+    /// layouts. `None` for a variable that the scene does not have.
     #[must_use]
-    pub fn buffer(&self, variable: &str) -> Option<&wgpu::Buffer> {
+    pub fn buffer(&self, variable: &str) -> Option<wgpu::BufferBinding<'_>> {
         let (_, bound) = self.bindings().into_iter().find(|(name, _)| *name == variable)?;
         match bound.resource() {
-            wgpu::BindingResource::Buffer(binding) => Some(binding.buffer),
+            wgpu::BindingResource::Buffer(binding) => Some(binding),
             _ => None,
         }
     }
@@ -264,7 +260,7 @@ impl TracedScene {
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
-        let chosen = chosen.part("level", self.level.part()).number("MAX_ITERATIONS", self.max_iterations);
+        let chosen = chosen.part("level", self.tables.part()).number("MAX_ITERATIONS", self.max_iterations);
         self.nodes.specialize(chosen).number("STACK_SIZE", self.depth.max(1))
     }
 
@@ -278,8 +274,8 @@ impl TracedScene {
 
     /// Storage buffers of the kernels of a query: those of the scene, rays, answers, and the list of undecided rays.
     pub(super) fn n_query_buffers(&self) -> u32 {
-        const NODES_TRIANGLES_HEADERS: u32 = 3;
-        NODES_TRIANGLES_HEADERS + self.level.bindings().len() as u32 + 3
+        const NODES_TRIANGLES: u32 = 2;
+        NODES_TRIANGLES + self.tables.bindings().len() as u32 + 3
     }
 
     /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave
@@ -292,7 +288,7 @@ impl TracedScene {
     /// Size in device memory, in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
-        self.nodes.n_bytes() + self.bvhs.n_bytes() + self.level.n_bytes()
+        self.nodes.n_bytes() + self.tables.n_bytes()
     }
 
     /// The same scene with another iteration limit, to test incomplete traversal.

@@ -3,8 +3,8 @@
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{
-    BufferScene, DeviceHit, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, SceneInput,
-    TracedScene, wgpu,
+    BufferScene, DeviceHit, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, ModuleOptions,
+    SceneInput, TracedScene, wgpu,
 };
 
 use super::buffers::{buffer, corners, hits, opened, rays, vertices};
@@ -12,18 +12,25 @@ use super::buffers::{buffer, corners, hits, opened, rays, vertices};
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(a_kernel_of_the_program_traces_rays),
+        needs_device(two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program),
+        needs_device(a_kernel_has_five_buffers_beside_those_of_instances),
         needs_device(a_layout_of_another_kernel_is_rejected),
         needs_device(rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again),
     ]
 }
 
-/// A compute pipeline of a text.
+/// A compute pipeline of a text, in a layout that is derived from it.
 fn pipeline(device: &wgpu::Device, text: &str) -> wgpu::ComputePipeline {
+    pipeline_in(device, text, None)
+}
+
+/// A compute pipeline of a text.
+fn pipeline_in(device: &wgpu::Device, text: &str, layout: Option<&wgpu::PipelineLayout>) -> wgpu::ComputePipeline {
     let source = wgpu::ShaderSource::Wgsl(text.into());
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
-        layout: None,
+        layout,
         module: &module,
         entry_point: Some("main"),
         compilation_options: wgpu::PipelineCompilationOptions::default(),
@@ -47,11 +54,21 @@ fn run(
     let layout = &pipeline.get_bind_group_layout(0);
     let own = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
     let theirs = scene.bind_group(gpu, &pipeline.get_bind_group_layout(1)).unwrap();
+    dispatch((device, queue), &pipeline, &[&own, &theirs], n_groups);
+}
+
+fn dispatch(
+    (device, queue): (&wgpu::Device, &wgpu::Queue),
+    pipeline: &wgpu::ComputePipeline,
+    groups: &[&wgpu::BindGroup],
+    n_groups: u32,
+) {
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &own, &[]);
-    pass.set_bind_group(1, &theirs, &[]);
+    pass.set_pipeline(pipeline);
+    for (number, group) in (0..).zip(groups) {
+        pass.set_bind_group(number, *group, &[]);
+    }
     pass.dispatch_workgroups(n_groups, 1, 1);
     drop(pass);
     queue.submit([encoder.finish()]);
@@ -77,19 +94,143 @@ fn floor(gpu: &Gpu) -> TracedScene {
     TracedScene::new(gpu, SceneInput::build([&corners(&vertices(0.0))], BuildConfig::default())).unwrap()
 }
 
+/// Rays in the layout of kernels.
+fn device_rays() -> Vec<DeviceRay> {
+    let of =
+        |ray: &canted_trace::Ray| DeviceRay { origin: ray.origin, t_min: 0.0, direction: ray.direction, t_max: 3e38 };
+    rays().iter().map(of).collect()
+}
+
 fn a_kernel_of_the_program_traces_rays() {
     let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let scene = floor(&gpu);
-    let of =
-        |ray: &canted_trace::Ray| DeviceRay { origin: ray.origin, t_min: 0.0, direction: ray.direction, t_max: 3e38 };
-    let rays: Vec<DeviceRay> = rays().iter().map(of).collect();
+    let rays = device_rays();
     let rays_there = gpu.buffer("rays", &rays).unwrap();
     let found = gpu.zeroed::<DeviceHit>("hits", rays.len()).unwrap();
     let n_groups = u32::try_from(rays.len()).unwrap().div_ceil(64);
     run((&device, &queue, &gpu), &scene, TRACES, [rays_there.wgpu(), found.wgpu()], n_groups);
     let found: Vec<_> = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit)).collect();
     assert_eq!(found, hits(&gpu, &scene));
+}
+
+/// A program's kernel with types of its own that are called as those of the module, and two scenes.
+const TRACES_TWO: &str = "
+struct Ray { Hit: f32 }
+struct Hit { t: vec2<f32>, instance: vec2<u32> }
+@group(0) @binding(0) var<storage, read> rays: array<low_Ray>;
+@group(0) @binding(1) var<storage, read_write> found: array<Hit>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < arrayLength(&rays) {
+        let ray = rays[id.x];
+        let low = low_closest_hit(ray);
+        let high = high_closest_hit(high_Ray(ray.origin, ray.t_min, ray.direction, ray.t_max));
+        found[id.x] = Hit(vec2<f32>(low.t, high.t), vec2<u32>(low.instance, high.instance));
+        if low_is_incomplete || high_is_incomplete {
+            found[id.x].instance = vec2<u32>(77u);
+        }
+    }
+}
+";
+
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct TwoHits {
+    t: [f32; 2],
+    instance: [u32; 2],
+}
+
+fn two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program() {
+    let (device, queue) = opened();
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let moved = corners(&vertices(1.0));
+    let wide = SceneInput::build([&moved], WideConfig::default());
+    let scenes = [floor(&gpu), TracedScene::new(&gpu, wide).unwrap()];
+    let [low, high] = [(1, "low_"), (2, "high_")].map(|(group, prefix)| ModuleOptions { group, prefix });
+    let text = scenes[0].module(low).unwrap() + &scenes[1].module(high).unwrap() + TRACES_TWO;
+    let rays_there = gpu.buffer("rays", &device_rays()).unwrap();
+    let found = gpu.zeroed::<TwoHits>("hits", rays_there.len()).unwrap();
+    // Layouts of the program's own, before there is a pipeline.
+    let storage = |binding, read_only| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let theirs = TracedScene::layout_entries(wgpu::ShaderStages::COMPUTE);
+    let all = [vec![storage(0, true), storage(1, false)], theirs.clone(), theirs];
+    let layouts = all.map(|entries| {
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+    });
+    let bind_group_layouts = &layouts.each_ref().map(Some);
+    let layout =
+        device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor { bind_group_layouts, ..Default::default() });
+    let entries = [(0, rays_there.wgpu()), (1, found.wgpu())]
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+    let own = wgpu::BindGroupDescriptor { label: None, layout: &layouts[0], entries: &entries };
+    let groups = [
+        device.create_bind_group(&own),
+        scenes[0].bind_group(&gpu, &layouts[1]).unwrap(),
+        scenes[1].bind_group(&gpu, &layouts[2]).unwrap(),
+    ];
+    dispatch((&device, &queue), &pipeline_in(&device, &text, Some(&layout)), &groups.each_ref(), 16);
+    let found = gpu.read(&found).unwrap();
+    for (k, scene) in scenes.iter().enumerate() {
+        let found = found.iter().map(|hit| (hit.instance[k] == 0).then_some(hit.t[k]));
+        let expected: Vec<_> = hits(&gpu, scene).into_iter().map(|hit| hit.map(|hit| hit.t)).collect();
+        assert!(expected.iter().flatten().count() > 500);
+        assert_eq!(found.collect::<Vec<_>>(), expected, "scene {k}");
+    }
+    match scenes[0].module(ModuleOptions { group: 1, prefix: "2_" }) {
+        Err(GpuError::Shader(error)) => assert!(error.to_string().contains("'2_'"), "{error}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A path tracer's five buffers, beside the module of moving instances.
+const FIVE: &str = "
+@group(0) @binding(0) var<storage, read> rays: array<Ray>;
+@group(0) @binding(1) var<storage, read_write> found: array<Hit>;
+@group(0) @binding(2) var<storage, read> positions: array<f32>;
+@group(0) @binding(3) var<storage, read> materials: array<f32>;
+@group(0) @binding(4) var<storage, read_write> sums: array<f32>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < arrayLength(&rays) {
+        found[id.x] = closest_hit(rays[id.x]);
+        sums[id.x] += positions[id.x] * materials[id.x];
+    }
+}
+";
+
+fn a_kernel_has_five_buffers_beside_those_of_instances() {
+    let (device, queue) = opened();
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let most = gpu.limits().max_storage_buffers_per_shader_stage;
+    assert_eq!(most, 8);
+    assert_eq!(gpu.check_module(5), Ok(()));
+    let error = gpu.check_module(6).unwrap_err();
+    assert!(error.is_of_scene());
+    let expected = "a kernel with 6 storage buffers and the 3 of the module: requires 9 storage buffers per shader stage, the device supports 8; ";
+    assert!(error.to_string().starts_with(expected), "{error}");
+    assert!(gpu.check_module(u32::MAX).is_err());
+    let at =
+        |z: f32| canted_obb::Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, z]] };
+    let still = canted_tlas::Instance::new(0, at(0.0));
+    let moving = canted_tlas::Instance { world_from_object_close: Some(at(1.0)), ..still };
+    let mesh = corners(&vertices(0.0));
+    for instances in [[still, still], [still, moving]] {
+        let input = SceneInput::build([&mesh], WideConfig::default()).instances(&instances);
+        let scene = TracedScene::new(&gpu, input).unwrap();
+        // Its layout would be an error of the device, which ends the test.
+        let pipeline = pipeline(&device, &(scene.module(1).unwrap() + FIVE));
+        scene.bind_group(&gpu, &pipeline.get_bind_group_layout(1)).unwrap();
+    }
 }
 
 fn a_layout_of_another_kernel_is_rejected() {

@@ -11,7 +11,7 @@ mod trace;
 use std::process::ExitCode;
 
 use canted_fixtures::device_tests;
-use canted_gpu::{Choice, Gpu, Limits, TracedScene};
+use canted_gpu::{Choice, Gpu, Limits, TracedScene, wgpu};
 
 fn main() -> ExitCode {
     let tests = [
@@ -39,10 +39,11 @@ pub(crate) fn lowered(most: u64) -> Gpu {
 
 /// The words of a buffer of a scene, read back; `None` if the scene has no such variable.
 pub(crate) fn words(gpu: &Gpu, scene: &TracedScene, variable: &str) -> Option<Vec<u32>> {
-    let raw = scene.buffer(variable)?;
-    let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
+    let wgpu::BufferBinding { buffer, offset, size } = scene.buffer(variable)?;
+    let size = size.unwrap().get();
+    let copy = gpu.zeroed::<u32>("a copy", usize::try_from(size / 4).unwrap()).unwrap();
     let mut encoder = gpu.encoder();
-    encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size());
+    encoder.copy_buffer_to_buffer(buffer, offset, copy.wgpu(), 0, size);
     gpu.submit(encoder).unwrap();
     Some(gpu.read(&copy).unwrap())
 }
