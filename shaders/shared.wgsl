@@ -449,6 +449,7 @@ fn face_along(direction: vec3<f32>, rays: u32) {
 // choice mask/none
 // All hits count.
 // use shared/mask_no_faces
+// use shared/mask_no_instances
 
 fn accepts(hit: Hit) -> bool {
     return true;
@@ -458,6 +459,7 @@ fn accepts(hit: Hit) -> bool {
 // Hits count by alpha.
 // use shared/mask_alpha
 // use shared/mask_no_faces
+// use shared/mask_no_instances
 
 fn accepts(hit: Hit) -> bool {
     return is_present(hit);
@@ -466,6 +468,7 @@ fn accepts(hit: Hit) -> bool {
 // choice mask/faces
 // Hits count by the side of their face.
 // use shared/mask_faces
+// use shared/mask_no_instances
 
 fn accepts(hit: Hit) -> bool {
     return !is_passed(hit);
@@ -475,9 +478,17 @@ fn accepts(hit: Hit) -> bool {
 // Hits count by the side of their face and by alpha.
 // use shared/mask_alpha
 // use shared/mask_faces
+// use shared/mask_no_instances
 
 fn accepts(hit: Hit) -> bool {
     return !is_passed(hit) && is_present(hit);
+}
+
+// part mask_no_instances
+// Rays traverse all instances.
+
+fn traverses(instance: u32) -> bool {
+    return true;
 }
 
 // part mask_no_faces

@@ -27,10 +27,12 @@ struct InstanceLayout {
     reach: f32,
     /// Error of hits, relative to the largest coordinate.
     error: f32,
+    /// Whether the word after the number of the mesh is a mask.
+    has_masks: u32,
 }
 
 @group(0) @binding(1) var<uniform> instance_layout: InstanceLayout;
-/// For each instance the rows of `world_from_object`, translations last, as f32, and the number of its mesh.
+/// For each instance the rows of `world_from_object`, translations last, as f32, the number of its mesh, and perhaps its mask.
 @group(0) @binding(2) var<storage, read> transforms: array<u32>;
 /// From build/mesh_boxes.
 @group(0) @binding(3) var<storage, read> mesh_boxes: array<vec4<f32>>;
@@ -84,7 +86,14 @@ fn main(id: Invocation) {
     } else if !is_finite {
         atomicMax(&instance_faults[1], ~number);
     } else if mesh_boxes[2u * mesh].w != 0.0 {
-        place(number, mesh, rows);
+        var mask = 0xffffffffu;
+        if instance_layout.has_masks != 0u {
+            mask = transforms[at + 13u];
+        }
+        if mask == 0u {
+            return;
+        }
+        place(number, mesh, rows, mask);
     }
 }
 
@@ -98,7 +107,7 @@ fn put_nothing(number: u32, at: vec3<f32>) {
     put_item(number, at, at);
 }
 
-fn place(number: u32, mesh: u32, rows: array<vec4<u32>, 3>) {
+fn place(number: u32, mesh: u32, rows: array<vec4<u32>, 3>, mask: u32) {
     var linear: mat3x3<f32>;
     var columns: array<array<Number, 3>, 4>;
     for (var k = 0u; k < 3u; k++) {
@@ -123,7 +132,7 @@ fn place(number: u32, mesh: u32, rows: array<vec4<u32>, 3>) {
             quads[4u + 2u * k + j] = vec4<u32>(f64_words(inverse.rows[k][2u * j]), f64_words(inverse.rows[k][2u * j + 1u]));
         }
     }
-    quads[3] = vec4<u32>(mesh + 1u, 0u, 0u, 0u);
+    quads[3] = vec4<u32>(mesh + 1u, 0u, mask, 0u);
     let forward = max(length_1(linear[0]), max(length_1(linear[1]), length_1(linear[2])));
     // As an exact product, because it may be above the range of f32.
     if is_shorter(from_f32(MAX_CONDITION), multiplied(from_f32(forward), from_f32(backward))) {

@@ -118,7 +118,7 @@ fn enter_bvh(index: u32, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, dr
 fn thicken(bvh: Bvh) {
     let far_off = greatest(space.origin);
     let scale = far_off + bvh.row_x.w;
-    let error = (bvh.row_y.w * far_off + bvh.row_z.w) + 2.0 * (space.drift.y * scale + space.drift.x);
+    let error = hit_error(bvh, far_off, scale);
     // The error lengthens the distance to the hit.
     let size = scale + error;
     space.oriented_pad = ROOT_3 * (error + ORIENTED_ROUNDING * size) + TINY;
@@ -137,6 +137,11 @@ fn thicken(bvh: Bvh) {
     space.far = (origin - toward) * space.recip;
     // Rows are two quads. For a negative direction the near plane is the upper one.
     space.near_quads = vec3<u32>(0u, 4u, 8u) + select(vec3<u32>(0u), vec3<u32>(2u), backward);
+}
+
+/// Largest distance of a hit from its triangle, in each coordinate, for a ray whose origin is at `far_off`; `scale` includes the reach.
+fn hit_error(bvh: Bvh, far_off: f32, scale: f32) -> f32 {
+    return (bvh.row_y.w * far_off + bvh.row_z.w) + 2.0 * (space.drift.y * scale + space.drift.x);
 }
 
 fn rotated(bvh: Bvh, v: vec3<f32>) -> vec3<f32> {

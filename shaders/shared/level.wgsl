@@ -1,3 +1,11 @@
+// What is above the BVHs of meshes.
+
+/// A normal in world space, of any length, and the largest error of each component.
+struct PlacedNormal {
+    normal: vec3<f32>,
+    error: vec3<f32>,
+}
+
 // part instance
 // Instances, and the transform of a ray into one.
 // use shared/exact/triangle
@@ -7,7 +15,7 @@ struct Instance {
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
-    /// Index of the BVH; index of the motion plus one, or 0 for none.
+    /// Index of the BVH; index of the motion plus one, or 0 for none; mask.
     bvh: vec4<u32>,
     /// The CPU's rows, with translations, as f64: two quads for each, lower halves first.
     exact_rows: array<vec4<u32>, 6>,
@@ -66,9 +74,14 @@ fn still_inverse(entry: Instance) -> Inverse {
     return Inverse(rows, mat3x3<f32>(abs(rows[0]), abs(rows[1]), abs(rows[2])));
 }
 
+/// The instance of a leaf of the top-level BVH.
+fn instance_of(word: u32) -> u32 {
+    return instance_order[word & LEAF_INDEX];
+}
+
 /// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
 fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
-    return enter_instance(ray, instance_order[word & LEAF_INDEX]);
+    return enter_instance(ray, instance_of(word));
 }
 
 /// Transforms the ray by the inverse of an instance and returns the root of its BVH. The origin is at `away` from the origin of the
@@ -92,6 +105,21 @@ fn by_rows(rows: mat3x3<f32>, v: vec3<f32>) -> vec3<f32> {
 /// A hit with the scene's indices.
 fn placed(hit: Hit) -> Hit {
     return hit;
+}
+
+/// Rays whose masks have a bit of this one hit the instance.
+fn mask_of(instance: u32) -> u32 {
+    return instances[instance].bvh.z;
+}
+
+/// Number of the BVH of an instance.
+fn bvh_of(instance: u32) -> u32 {
+    return instances[instance].bvh.x;
+}
+
+/// The image of a normal: by the transposed inverse, whose rows are products and two sums. `rounding` is relative to the sum of absolute terms.
+fn normal_by(inverse: Inverse, normal: vec3<f32>, rounding: f32) -> PlacedNormal {
+    return PlacedNormal(inverse.rows * normal, rounding * (inverse.sizes * abs(normal)));
 }
 
 // part world
@@ -119,6 +147,23 @@ fn enter_instance(ray: Ray, instance: u32) -> u32 {
 /// The CPU's ray.
 fn exact_ray() -> ExactRay {
     return exact_ray_of(world_ray);
+}
+
+fn instance_of(word: u32) -> u32 {
+    return 0u;
+}
+
+fn mask_of(instance: u32) -> u32 {
+    return 0xffffffffu;
+}
+
+fn bvh_of(instance: u32) -> u32 {
+    return 0u;
+}
+
+/// A normal in world space, which is rounded to f32.
+fn placed_normal(instance: u32, normal: vec3<f32>) -> PlacedNormal {
+    return PlacedNormal(normal, ROUNDING * abs(normal));
 }
 
 // choice single
@@ -174,6 +219,11 @@ fn enter_instance(ray: Ray, instance: u32) -> u32 {
     return enter_by_inverse(ray, instance, still_inverse(entry), away, abs(away), vec2<f32>(ORIGIN_ROUNDING, DIRECTION_ROUNDING));
 }
 
+/// A normal in world space. Rows and normal are rounded to f32: E / 2 each; with 3 E for products and sums, 4 E.
+fn placed_normal(instance: u32, normal: vec3<f32>) -> PlacedNormal {
+    return normal_by(still_inverse(instances[instance]), normal, 4.0 * ROUNDING);
+}
+
 // choice moving
 // One BVH per mesh, and a top-level BVH over the instances, some of which move.
 //
@@ -219,4 +269,13 @@ fn moving_inverse(motion: u32) -> Inverse {
         inverse.sizes[k] = inverse_determinant * (mat3x3<f32>(abs(row[0]), abs(row[1]), abs(row[2])) * weights);
     }
     return inverse;
+}
+
+/// A normal in world space at the time of the ray. With the 15.5 E of a row: 19 E, and 20 E with second-order terms.
+fn placed_normal(instance: u32, normal: vec3<f32>) -> PlacedNormal {
+    let entry = instances[instance];
+    if entry.bvh.y == 0u {
+        return normal_by(still_inverse(entry), normal, 4.0 * ROUNDING);
+    }
+    return normal_by(moving_inverse(entry.bvh.y - 1u), normal, 20.0 * ROUNDING);
 }

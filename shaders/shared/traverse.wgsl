@@ -111,8 +111,12 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         } else {
             is_in_instance = true;
             n_top_level = n_entries;
-            word = enter_instance_leaf(ray, word);
-            t_max = scaled_t(best.t);
+            let instance = instance_of(word);
+            word = EMPTY;
+            if traverses(instance) {
+                word = enter_instance(ray, instance);
+                t_max = scaled_t(best.t);
+            }
         }
     }
     is_incomplete = is_incomplete || !is_done;
@@ -147,8 +151,15 @@ fn leaf_triangle(word: u32) {
     let b = vertex_at(9u * triangle + 3u);
     let c = vertex_at(9u * triangle + 6u);
     count_triangles(1u);
+    tested_place = triangle;
     // `first_half` is the first triangle of the mesh.
     consider(a, b, c, triangle - space.first_half);
+}
+
+/// A vertex of the triangle at a place: its number.
+fn vertex_at_place(place: u32, corner: u32) -> vec3<f32> {
+    let at = 9u * place + 3u * corner;
+    return vec3<f32>(corners[at], corners[at + 1u], corners[at + 2u]);
 }
 
 /// A vertex with permuted axes.
@@ -215,8 +226,12 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         } else {
             is_in_instance = true;
             n_top_level = n_entries;
-            word = enter_instance_leaf(ray, word);
-            t_max = scaled_t(best.t);
+            let instance = instance_of(word);
+            word = EMPTY;
+            if traverses(instance) {
+                word = enter_instance(ray, instance);
+                t_max = scaled_t(best.t);
+            }
         }
     }
     is_incomplete = is_incomplete || !is_done;

@@ -279,6 +279,9 @@ var<private> is_incomplete: bool;
 /// Whether traversal came to its end. If not, the driver ended a loop early.
 var<private> is_done: bool;
 
+/// Where the triangle of the current test lies, as `vertex_at_place` reads it.
+var<private> tested_place: u32;
+
 /// Best hit so far. `t` is in the caller's units, the primitive is numbered by its BVH.
 var<private> best: Hit;
 
@@ -327,6 +330,15 @@ fn four_triangles(at: u32, stride: u32, filled: u32) {
         let lane = firstTrailingBit(pending);
         pending &= pending - 1u;
         let number = triangle_blocks[at + 9u * stride][lane];
+        tested_place = 2u * (4u * at + lane) + (stride - 1u);
         consider(vertex(at, stride, 0u, lane), vertex(at, stride, 1u, lane), vertex(at, stride, 2u, lane), number);
     }
+}
+
+/// A vertex of the triangle at a place: twice its first word, plus one less than the stride of its rows.
+fn vertex_at_place(place: u32, corner: u32) -> vec3<f32> {
+    let quads = vec3<u32>(place >> 3u) + (1u + (place & 1u)) * (vec3<u32>(3u * corner) + vec3<u32>(0u, 1u, 2u));
+    let lane = (place >> 1u) & 3u;
+    let bits = vec3<u32>(triangle_blocks[quads.x][lane], triangle_blocks[quads.y][lane], triangle_blocks[quads.z][lane]);
+    return bitcast<vec3<f32>>(bits);
 }

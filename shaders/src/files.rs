@@ -84,6 +84,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/light/tree",
     "shared/light/triangle",
     "shared/listed",
+    "shared/module",
     "shared/path",
     "shared/sampler",
     "shared/surface",

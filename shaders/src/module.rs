@@ -4,8 +4,22 @@ use std::collections::HashSet;
 
 use crate::{ShaderError, Variant, assemble};
 
-/// Names that a user's kernel calls.
-const PUBLIC: [&str; 6] = ["Ray", "Hit", "closest_hit", "occluded", "NONE", "is_incomplete"];
+/// Names that a user's kernel calls: those in `shared/module`, and what they become.
+const PUBLIC: [(&str, &str); 13] = [
+    ("Ray", "Ray"),
+    ("ModuleHit", "Hit"),
+    ("Surface", "Surface"),
+    ("module_ray", "ray"),
+    ("module_closest_hit", "closest_hit"),
+    ("module_occluded", "occluded"),
+    ("closest_hit_masked", "closest_hit_masked"),
+    ("occluded_masked", "occluded_masked"),
+    ("normal_of", "normal_of"),
+    ("surface_of", "surface_of"),
+    ("origin_beside", "origin_beside"),
+    ("NONE", "NONE"),
+    ("is_incomplete", "is_incomplete"),
+];
 
 /// Words before a declared name.
 const DECLARES: [&str; 6] = ["fn", "struct", "const", "var", "override", "alias"];
@@ -19,7 +33,7 @@ const PRIVATE: &str = "canted_";
 /// use canted_shaders::ModuleOptions;
 ///
 /// // rt_Ray, rt_Hit, rt_closest_hit and so on, for a kernel that has a Ray of its own.
-/// let options = ModuleOptions { group: 1, prefix: "rt_" };
+/// let options = ModuleOptions { group: 1, prefix: "rt_", accepts: None };
 /// assert_eq!(ModuleOptions::from(1), ModuleOptions { prefix: "", ..options });
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,6 +43,9 @@ pub struct ModuleOptions<'a> {
     /// Comes before all its names: letters, digits and underscores, a letter first. With different prefixes and groups a kernel includes the modules of
     /// several scenes.
     pub prefix: &'a str,
+    /// Name of a function of the kernel, `fn(hit: Hit) -> bool`: whether a hit counts, e.g. by the alpha of its texture. It is called in any order, for hits that
+    /// may not be the closest, and must not trace rays.
+    pub accepts: Option<&'a str>,
 }
 
 impl From<u32> for ModuleOptions<'_> {
@@ -43,9 +60,9 @@ pub const MODULE_BUFFERS: u32 = 3;
 /// Tables start at multiples of it in their common buffer.
 pub const TABLE_BYTES: u32 = 256;
 
-/// WGSL with `closest_hit(ray: Ray) -> Hit` and `occluded(ray: Ray) -> bool`.
+/// WGSL with `closest_hit(ray: Ray) -> Hit` and `occluded(ray: Ray) -> bool`, and what belongs to them: see `TracedScene::module` of `canted-gpu`.
 ///
-/// `chosen` selects the structure. `tables` are its storage buffers other than nodes and triangles, in the order in which they lie in one buffer, each with
+/// `chosen` selects the structure, but no mask. `tables` are its storage buffers other than nodes and triangles, in the order in which they lie in one buffer, each with
 /// its number of values, and each at the next multiple of [`TABLE_BYTES`]. A kernel joins the text to its own; declarations come in any order.
 ///
 /// # Errors
@@ -55,11 +72,23 @@ pub fn traversal_module<'a>(
     tables: &[(&str, u32)],
     options: impl Into<ModuleOptions<'a>>,
 ) -> Result<String, ShaderError> {
-    let ModuleOptions { group, prefix } = options.into();
+    let ModuleOptions { group, prefix, accepts } = options.into();
     check_name(prefix)?;
-    let text = joined(&code(&assemble("shared/traverse", chosen)?), tables)?;
-    Ok(prefixed(&text, prefix).replace("@group(0)", &format!("@group({group})")))
+    let accepted = match accepts {
+        None => "true".to_owned(),
+        Some("") => return Err(ShaderError::BadName { name: String::new() }),
+        Some(name) => check_name(name).map(|()| format!("{name}(hit)"))?,
+    };
+    let text =
+        joined(&code(&assemble("shared/module", &chosen.clone().part("mask", "shared/module/counted"))?), tables)?;
+    let text = prefixed(&(text + CALLED), prefix).replace("@group(0)", &format!("@group({group})"));
+    // The name of the program's function gets no prefix.
+    Ok(text.replace(CALL, &accepted))
 }
+
+/// What `shared/module` calls, and the place of its answer.
+const CALLED: &str = "fn is_accepted(hit: ModuleHit) -> bool {\n    return $;\n}\n";
+const CALL: &str = "$";
 
 /// The text with one buffer in place of several.
 ///
@@ -73,7 +102,7 @@ fn joined(text: &str, tables: &[(&str, u32)]) -> Result<String, ShaderError> {
         let line = text.lines().find(|line| line.contains(&declares)).map(str::to_owned);
         let of = |line: &String| Some(line.split_once(&declares)?.1.strip_suffix(">;")?.to_owned());
         let Some((line, element)) = line.and_then(|line| of(&line).map(|element| (line, element))) else {
-            return Err(ShaderError::UnknownChoice { kernel: "shared/traverse".to_owned(), what: name.to_owned() });
+            return Err(ShaderError::UnknownChoice { kernel: "shared/module".to_owned(), what: name.to_owned() });
         };
         members.push_str(&format!("@align({TABLE_BYTES}) {name}: array<{element}, {length}u>,\n"));
         text = text.replace(&(line + "\n"), "").replace(&format!("arrayLength(&{name})"), &format!("{length}u"));
@@ -124,11 +153,16 @@ fn prefixed(text: &str, prefix: &str) -> String {
         let is_member = i > 0 && tokens[i - 1] == "." || is_structure && tokens.get(i + 1) == Some(&":");
         if names.contains(token) && !is_member {
             result.push_str(prefix);
-            if !PUBLIC.contains(&token) {
-                result.push_str(PRIVATE);
+            match PUBLIC.iter().find(|(name, _)| *name == token) {
+                Some((_, public)) => result.push_str(public),
+                None => {
+                    result.push_str(PRIVATE);
+                    result.push_str(token);
+                }
             }
+        } else {
+            result.push_str(token);
         }
-        result.push_str(token);
     }
     result
 }
@@ -181,7 +215,7 @@ mod tests {
     #[test]
     fn names_are_prefixed_except_public_ones_and_members() {
         let text = "@group(0) @binding(1) var<storage, read> near: array<f32>;\nconst FAR: f32 = 1.0;\n\
-                    struct Ray { near: f32 }\nfn closest_hit(ray: Ray) -> f32 { let far = FAR; return near[0] * ray.near + far; }";
+                    struct Ray { near: f32 }\nfn module_closest_hit(ray: Ray) -> f32 { let far = FAR; return near[0] * ray.near + far; }";
         let expected = "@group(0) @binding(1) var<storage, read> canted_near: array<f32>;\nconst canted_FAR: f32 = 1.0;\n\
                         struct Ray { near: f32 }\n\
                         fn closest_hit(ray: Ray) -> f32 { let far = canted_FAR; return canted_near[0] * ray.near + far; }";

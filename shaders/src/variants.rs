@@ -28,8 +28,8 @@ fn parts(slot: &str) -> Vec<String> {
 /// A name without a kernel.
 pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
     // Alpha and faces need surfaces, which kernels that only trace do not have.
-    let only_traces =
-        kernel.starts_with("trace/") || ["shared/traverse", "check/moving", "check/triangle"].contains(&kernel);
+    let only_traces = kernel.starts_with("trace/")
+        || ["shared/module", "shared/traverse", "check/moving", "check/triangle"].contains(&kernel);
     let fills = |slot: &str| {
         let mut parts = parts(slot);
         parts.retain(|part| !only_traces || !part.starts_with("shared/mask/") || part == "shared/mask/none");

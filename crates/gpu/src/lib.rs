@@ -25,7 +25,7 @@
 //! let text = scene.traced().module(1)? + "
 //!     @group(0) @binding(0) var<storage, read_write> distances: array<f32>;
 //!     @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
-//!         let hit = closest_hit(Ray(vec3f(f32(id.x), 0.0, 9.0), 0.0, vec3f(0.0, 0.0, -1.0), 3e38));
+//!         let hit = closest_hit(ray(vec3f(f32(id.x), 0.0, 9.0), vec3f(0.0, 0.0, -1.0), 3e38));
 //!         distances[id.x] = select(hit.t, -1.0, hit.instance == NONE);
 //!     }";
 //! let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(text.into()) });
@@ -133,6 +133,8 @@
 //! | `Ray` | 32 | `origin` 0, `t_min` 12, `direction` 16, `t_max` 28 |
 //! | `Hit` | 20 | `t` 0, `u` 4, `v` 8, `primitive` 12, `instance` 16 |
 //!
+//! `Hit` of [`TracedScene::module`] has one more member, `place` 20, and 24 bytes: [`ModuleHit`].
+//!
 //! `Bvh`:
 //!
 //! | member | first three components | fourth component |
@@ -146,7 +148,7 @@
 //!
 //! `Instance`: `row_x` to `row_z` have the rows of the linear part of `object_from_world`, and in their fourth components the world position of the
 //! object's origin. `bvh.x` is an index into `bvhs`: mesh *i* has *i* + 1, because the top level comes first. `bvh.y` is an index into
-//! `motions` plus 1, or 0. `exact_rows` are the rows of `object_from_world` as `f64`, translations last, lower halves first.
+//! `motions` plus 1, or 0. `bvh.z` is the mask. `exact_rows` are the rows of `object_from_world` as `f64`, translations last, lower halves first.
 //!
 //! A **word** stands for a child or a root. `0x7fffffff` is none.
 //!
@@ -220,6 +222,6 @@ pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, InstancedScene,
-    MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene, Undecided,
+    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Outcome, SceneInput, TracedScene, Undecided,
 };
 pub use wgpu::{self, Limits};

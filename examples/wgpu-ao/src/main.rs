@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = BufferScene::new(&gpu, &[mesh], BuildConfig::default())?;
     let shading = pipeline(&device, &(scene.traced().module(1)? + include_str!("ao.wgsl")));
     let brightness = gpu.zeroed::<f32>("brightness", (SIZE[0] * SIZE[1]) as usize)?;
-    let to_shade = group(&device, &shading, &[&positions, &indices, brightness.wgpu()]);
+    let to_shade = group(&device, &shading, &[brightness.wgpu()]);
     let traversal = scene.traced().bind_group(&gpu, &shading.get_bind_group_layout(1))?;
 
     for number in 0..n_frames {

@@ -11,7 +11,7 @@ use std::error::Error;
 
 use canted_gpu::build::WideConfig;
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
-use canted_gpu::{DeviceHit, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu};
+use canted_gpu::{DeviceHit, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, ModuleHit, wgpu};
 
 /// Corners of a cube by bits, with another vector behind each position, as a program's own vertices have.
 fn cube() -> Vec<[f32; 6]> {
@@ -45,6 +45,16 @@ const CUBE: [[u16; 3]; 12] = [
     [3, 7, 5],
 ];
 
+/// `Picked` of `pick.wgsl`.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Picked {
+    hit: ModuleHit,
+    padding: [u32; 2],
+    normal: [f32; 3],
+    more_padding: u32,
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut pointer = std::env::args().skip(1).map(|word| word.parse::<f32>());
     let (x, y) = (pointer.next().transpose()?.unwrap_or(0.0), pointer.next().transpose()?.unwrap_or(0.0));
@@ -70,7 +80,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint16, first_byte: 0 }),
         n_triangles: 12,
     };
-    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 3 };
+    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 3, has_masks: false };
     let scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())?;
     let text = scene.traced().module(1)? + include_str!("pick.wgsl");
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -94,7 +104,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         usage: wgpu::BufferUsages::UNIFORM,
     };
     let pointer = device.create_buffer_init(&descriptor);
-    let picked = gpu.zeroed::<DeviceHit>("picked", 1)?;
+    let picked = gpu.zeroed::<Picked>("picked", 1)?;
     let own = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
@@ -112,11 +122,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     pass.dispatch_workgroups(1, 1, 1);
     drop(pass);
     queue.submit([encoder.finish()]);
-    let hit = gpu.read(&picked)?[0];
+    let Picked { hit, normal: [x_of, y_of, z_of], .. } = gpu.read(&picked)?[0];
     if hit.instance == DeviceHit::NONE {
         println!("nothing at ({x}, {y})");
     } else {
         println!("cube {}, triangle {}, at t = {}", hit.instance, hit.primitive, hit.t);
+        println!("its normal is ({x_of}, {y_of}, {z_of})");
     }
     Ok(())
 }

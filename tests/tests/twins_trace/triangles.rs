@@ -305,7 +305,8 @@ fn rays_through_instances_lose_no_hit() {
     let transforms: Vec<DeviceInstance> = placed.instances.iter().map(transform).collect();
     let n_instances = u32::try_from(transforms.len()).unwrap();
     let transforms = gpu.buffer("transforms", &transforms).unwrap();
-    let instances = InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride: 64, n_instances };
+    let instances =
+        InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride: 64, n_instances, has_masks: false };
     for bvh in of_device() {
         let scene = placed.with(|meshes, instances| {
             TracedScene::new(&gpu, SceneInput::build(meshes, bvh).instances(instances)).unwrap()

@@ -14,17 +14,20 @@ pub const NOT_PLACED: u32 = u32::MAX;
 /// Instances in a device buffer of a program's own, which must have the usage `STORAGE`.
 ///
 /// Each instance is thirteen words, [`DeviceInstance`]'s first: the rows of `world_from_object`, translations last, as twelve `f32`, and
-/// the number of its mesh as `u32`, or [`NOT_PLACED`].
+/// the number of its mesh as `u32`, or [`NOT_PLACED`]. With masks a word follows: a ray of
+/// [`closest_hit_masked`](crate::TracedScene::module) hits the instance if both masks have a bit in common.
 #[derive(Clone, Copy, Debug)]
 pub struct InstanceBuffer<'a> {
     /// Holds the instances.
     pub buffer: &'a wgpu::Buffer,
     /// Byte of the first instance; a multiple of 4.
     pub first_byte: u64,
-    /// Bytes from instance to instance; a multiple of 4, at least 52.
+    /// Bytes from instance to instance; a multiple of 4, at least 52, or 56 with masks.
     pub stride: u64,
     /// Number of instances.
     pub n_instances: u32,
+    /// Whether each has a mask. Otherwise they have all bits.
+    pub has_masks: bool,
 }
 
 /// An instance as [`InstanceBuffer`] holds it, 64 bytes apart.
@@ -35,16 +38,18 @@ pub struct DeviceInstance {
     pub rows: [[f32; 4]; 3],
     /// Number of its mesh, or [`NOT_PLACED`].
     pub mesh: u32,
+    /// Rays whose masks have a bit of this one hit it, where [`InstanceBuffer::has_masks`] is set; no ray hits an instance with mask 0.
+    pub mask: u32,
     /// Not read.
-    pub padding: [u32; 3],
+    pub padding: [u32; 2],
 }
 
 impl DeviceInstance {
-    /// A mesh with this transform from object to world space.
+    /// A mesh with this transform from object to world space, and a mask of all bits.
     #[must_use]
     pub fn new(mesh: u32, world_from_object: &Affine) -> Self {
         let rows = std::array::from_fn(|k| world_from_object.columns.map(|column| column[k]));
-        Self { rows, mesh, padding: [0; 3] }
+        Self { rows, mesh, mask: u32::MAX, padding: [0; 2] }
     }
 }
 
@@ -57,6 +62,7 @@ struct InstanceLayout {
     n_meshes: u32,
     reach: f32,
     error: f32,
+    has_masks: u32,
 }
 
 /// Scales of the bounds that headers hold: reach over the largest coordinate, and error of hits relative to it.
@@ -130,19 +136,20 @@ fn layout<'a>(
     n_meshes: u32,
     scales: Scales,
 ) -> Result<(InstanceLayout, Slot<'a>), String> {
-    const WORDS: u64 = 13;
-    let &InstanceBuffer { buffer, first_byte, stride, n_instances } = placed;
-    if stride % 4 != 0 || stride < 4 * WORDS || first_byte % 4 != 0 {
+    let &InstanceBuffer { buffer, first_byte, stride, n_instances, has_masks } = placed;
+    let least = if has_masks { 4 * 14 } else { 4 * 13 };
+    if stride % 4 != 0 || stride < least || first_byte % 4 != 0 {
         return Err(format!(
-            "instances: stride {stride} and first byte {first_byte} must be multiples of 4, the stride at least 52"
+            "instances: stride {stride} and first byte {first_byte} must be multiples of 4, the stride at least {least}"
         ));
     }
-    let end = end_of([first_byte, stride], n_instances, 4 * WORDS);
+    let end = end_of([first_byte, stride], n_instances, least);
     let used = window(gpu, "instances", buffer, [first_byte, end])?;
     let first_word = first_byte.saturating_sub(used.first_byte) / 4;
     let word = |x: u64| u32::try_from(x).map_err(|_| format!("instances: an offset of {x} is out of range"));
     let Scales { reach, error } = scales;
-    Ok((InstanceLayout { first_word: word(first_word)?, stride: word(stride / 4)?, n_meshes, reach, error }, used))
+    let (first_word, stride) = (word(first_word)?, word(stride / 4)?);
+    Ok((InstanceLayout { first_word, stride, n_meshes, reach, error, has_masks: has_masks.into() }, used))
 }
 
 #[cfg(test)]

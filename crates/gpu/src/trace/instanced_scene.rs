@@ -37,7 +37,7 @@ use crate::{Buffer, Gpu, GpuError, wait::block_on};
 /// # fn example(device: wgpu::Device, queue: wgpu::Queue, mesh: MeshBuffers<'_>, transforms: wgpu::Buffer) -> Result<(), canted_gpu::GpuError> {
 /// let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
 /// // Each instance: twelve f32 (the rows of world_from_object), the number of its mesh, three unused words.
-/// let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 100 };
+/// let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 100, has_masks: false };
 /// let mut scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())?;
 /// let wgsl = scene.traced().module(1)?; // closest_hit(ray), occluded(ray), with buffers in bind group 1
 ///
@@ -281,6 +281,7 @@ impl InstancedScene {
             let message = format!("{} instances, and {n} when the scene was built", instances.n_instances);
             return Err(GpuError::Input { message });
         }
+        self.traced.has_masks |= instances.has_masks;
         let tables = self.traced.tables();
         let Some(placed) = tables.instances() else { return Ok(()) };
         let nodes = &self.traced.nodes;

@@ -84,11 +84,6 @@ impl Packing {
         let Some(MeshBounds { reach: reach_object, aabb }) = meshes.get(instance.blas as usize) else {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
         };
-        if instance.mask != u32::MAX {
-            return Err(GpuError::Unsupported {
-                what: format!("instance {index}, whose mask hides it from some rays"),
-            });
-        }
         let inverse = instance.object_from_world(index).map_err(|error| untraceable(&error))?;
         let motion = MotionPolynomials::of(instance);
         let ends = || [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten();
@@ -111,8 +106,9 @@ impl Packing {
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // BVH 0 is the top level.
-        self.instances.push(InstanceData::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
-        if !aabb.is_empty() {
+        let words = [instance.blas + 1, number, instance.mask];
+        self.instances.push(InstanceData::new(&inverse, &instance.world_from_object, words));
+        if !aabb.is_empty() && instance.mask != 0 {
             self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(aabb, &end))));
             self.numbers.push(index as u32);
             let amplified = if motion.is_some() { MOVING } else { STILL } * condition;

@@ -125,14 +125,18 @@ impl BvhHeader {
 pub(super) struct InstanceData {
     /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.
     rows: [[f32; 4]; 3],
-    /// Index of its BVH; index of its motion plus one, or 0 for none.
+    /// Index of its BVH; index of its motion plus one, or 0 for none; its mask.
     bvh: Quad,
     /// Rows of `object_from_world` as on the CPU, with translations: for each entry the lower half of its f64, then the upper.
     exact_rows: [[[u32; 2]; 4]; 3],
 }
 
 impl InstanceData {
-    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [bvh, motion]: [u32; 2]) -> Self {
+    pub(super) fn new(
+        object_from_world: &[[f64; 4]; 3],
+        world_from_object: &Affine,
+        [bvh, motion, mask]: [u32; 3],
+    ) -> Self {
         let at = world_from_object.columns[3];
         let row = |k: usize| {
             let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
@@ -141,9 +145,15 @@ impl InstanceData {
         let words = |x: f64| [x.to_bits() as u32, (x.to_bits() >> 32) as u32];
         Self {
             rows: [row(0), row(1), row(2)],
-            bvh: [bvh, motion, 0, 0],
+            bvh: [bvh, motion, mask, 0],
             exact_rows: object_from_world.map(|row| row.map(words)),
         }
+    }
+}
+
+impl InstanceData {
+    pub(super) fn mask(&self) -> u32 {
+        self.bvh[2]
     }
 }
 
@@ -192,6 +202,24 @@ pub struct DeviceHit {
     pub primitive: u32,
     /// Index of the instance in the scene; [`DeviceHit::NONE`] for a miss.
     pub instance: u32,
+}
+
+/// `Hit` of [`TracedScene::module`](crate::TracedScene::module), in the memory of a program's kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ModuleHit {
+    /// Distance in units of the ray's direction.
+    pub t: f32,
+    /// Weight of the second vertex.
+    pub u: f32,
+    /// Weight of the third vertex.
+    pub v: f32,
+    /// Index of the triangle in its mesh.
+    pub primitive: u32,
+    /// Index of the instance in the scene; [`DeviceHit::NONE`] for a miss.
+    pub instance: u32,
+    /// Where the BVH has the triangle, until it is built again.
+    pub place: u32,
 }
 
 impl DeviceHit {

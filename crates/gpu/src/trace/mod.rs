@@ -30,7 +30,7 @@ pub use buffer_scene::{BufferConfig, BufferScene};
 pub use download::DownloadedBvh;
 pub use instanced_scene::InstancedScene;
 pub use instances::{MAX_CONDITION, MotionPolynomials};
-pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE};
+pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE, ModuleHit};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
 pub use scene::{SceneInput, TracedScene};

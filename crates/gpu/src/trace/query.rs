@@ -124,6 +124,11 @@ impl TracedScene {
         rays: &[Ray],
         mut take: impl FnMut(&[Option<ScaledRay>], Vec<T>),
     ) -> Result<(), GpuError> {
+        // Rays of the device have no mask.
+        if self.has_masks && rays.iter().any(|ray| ray.mask != u32::MAX) {
+            let what = "batches of rays with masks through instances with masks; use closest_hit_masked in a kernel";
+            return Err(GpuError::Unsupported { what: what.to_owned() });
+        }
         let most = MAX_SLICE.min(max_rays(gpu));
         let (mut waiting, mut n) = (rays, FIRST_SLICE.min(most));
         while !waiting.is_empty() {

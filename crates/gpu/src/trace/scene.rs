@@ -34,6 +34,8 @@ pub struct TracedScene {
     /// Maximum depth in nodes.
     pub(super) depth: u32,
     max_iterations: u32,
+    /// Whether some rays hit an instance and others do not.
+    pub(super) has_masks: bool,
     /// Whether exact kernels trace all rays.
     is_exact: bool,
     /// Rays that exact kernels traced.
@@ -230,7 +232,8 @@ impl TracedScene {
         let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
         let max_iterations = iteration_limit(longest_loop(gpu).await?);
         let tables = Tables::new(gpu, headers, level, nodes.are_final())?;
-        Ok(Self { nodes, tables, depth, max_iterations, is_exact: false, n_exact_rays: AtomicU64::new(0) })
+        let (has_masks, n_exact_rays) = (level.has_masks(), AtomicU64::new(0));
+        Ok(Self { nodes, tables, depth, max_iterations, has_masks, is_exact: false, n_exact_rays })
     }
 
     /// Headers, and what is above the BVHs of meshes.

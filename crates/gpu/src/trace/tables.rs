@@ -41,6 +41,14 @@ impl Level {
         Self::Two { instances, order, motions }
     }
 
+    /// Whether some rays hit an instance and others do not. Those with mask 0 are not in the BVH.
+    pub(super) fn has_masks(&self) -> bool {
+        match self {
+            Self::One | Self::Flat(_) => false,
+            Self::Two { instances, .. } => instances.iter().any(|instance| ![0, u32::MAX].contains(&instance.mask())),
+        }
+    }
+
     /// `n` instances in order, which the device places; see [`Primitives::place`](crate::build::Primitives).
     pub(super) fn unplaced(n: u32) -> Self {
         let instances = vec![InstanceData::default(); n as usize];

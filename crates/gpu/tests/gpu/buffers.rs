@@ -302,7 +302,7 @@ fn counts_that_no_buffer_holds_are_errors() {
         }
     }
     for n_instances in [u32::MAX, 3_000_000_000] {
-        let instances = InstanceBuffer { buffer: &vertices, first_byte: 0, stride: 52, n_instances };
+        let instances = InstanceBuffer { buffer: &vertices, first_byte: 0, stride: 52, n_instances, has_masks: false };
         assert!(InstancedScene::new(&gpu, &[good], &instances, WideConfig::default()).is_err());
     }
     for parts in [&[1][..], &[0, 2], &[0, 1, 0]] {

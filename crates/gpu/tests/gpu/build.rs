@@ -111,7 +111,7 @@ fn updates_of_what_stands_still_change_no_word() {
     let meshes = [1, 2 * N * N, 7, 0, 101].map(|n_triangles| MeshBuffers { n_triangles, ..mesh });
     let identity = DeviceInstance::new(1, &Affine::IDENTITY);
     let transforms = buffer(&device, bytemuck::bytes_of(&identity));
-    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 1 };
+    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 1, has_masks: false };
     let submit = |record: &mut dyn FnMut(&mut wgpu::CommandEncoder)| {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         record(&mut encoder);

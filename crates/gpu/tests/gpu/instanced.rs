@@ -64,7 +64,7 @@ impl Program {
 
     fn instances(&self, n_instances: u32) -> InstanceBuffer<'_> {
         let (first_byte, stride) = (4 * FIRST as u64, 4 * STRIDE as u64);
-        InstanceBuffer { buffer: &self.transforms, first_byte, stride, n_instances }
+        InstanceBuffer { buffer: &self.transforms, first_byte, stride, n_instances, has_masks: false }
     }
 
     /// Submits what `record` records.

@@ -3,7 +3,7 @@
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{
-    BufferScene, DeviceHit, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, ModuleOptions,
+    BufferScene, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, ModuleHit, ModuleOptions,
     SceneInput, TracedScene, wgpu,
 };
 
@@ -15,7 +15,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program),
         needs_device(a_kernel_has_five_buffers_beside_those_of_instances),
         needs_device(a_layout_of_another_kernel_is_rejected),
-        needs_device(rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again),
+        needs_device(rays_that_leave_a_convex_surface_do_not_hit_it_again),
     ]
 }
 
@@ -38,23 +38,29 @@ fn pipeline_in(device: &wgpu::Device, text: &str, layout: Option<&wgpu::Pipeline
     })
 }
 
-/// Runs a kernel that includes the module of a scene, with its own buffers in bind group 0, in so many work-groups.
-fn run(
-    (device, queue, gpu): (&wgpu::Device, &wgpu::Queue, &Gpu),
-    scene: &TracedScene,
+/// A program's device, and the same for this crate.
+pub(crate) type On<'a> = (&'a wgpu::Device, &'a wgpu::Queue, &'a Gpu);
+
+/// Runs a kernel that includes the module of a scene, once for each set of its own buffers in bind group 0, in so many work-groups.
+pub(crate) fn run<const N: usize>(
+    (device, queue, gpu): On<'_>,
+    (scene, accepts): (&TracedScene, Option<&str>),
     kernel: &str,
-    own: [&wgpu::Buffer; 2],
+    sets: &[[&wgpu::Buffer; N]],
     n_groups: u32,
 ) {
-    let pipeline = pipeline(device, &(scene.module(1).unwrap() + kernel));
-    let entries: Vec<_> = (0..)
-        .zip(own)
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
-    let layout = &pipeline.get_bind_group_layout(0);
-    let own = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
+    let options = ModuleOptions { group: 1, prefix: "", accepts };
+    let pipeline = pipeline(device, &(scene.module(options).unwrap() + kernel));
     let theirs = scene.bind_group(gpu, &pipeline.get_bind_group_layout(1)).unwrap();
-    dispatch((device, queue), &pipeline, &[&own, &theirs], n_groups);
+    for own in sets {
+        let entries: Vec<_> = (0..)
+            .zip(own)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let layout = &pipeline.get_bind_group_layout(0);
+        let own = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
+        dispatch((device, queue), &pipeline, &[&own, &theirs], n_groups);
+    }
 }
 
 fn dispatch(
@@ -107,11 +113,13 @@ fn a_kernel_of_the_program_traces_rays() {
     let scene = floor(&gpu);
     let rays = device_rays();
     let rays_there = gpu.buffer("rays", &rays).unwrap();
-    let found = gpu.zeroed::<DeviceHit>("hits", rays.len()).unwrap();
+    let found = gpu.zeroed::<ModuleHit>("hits", rays.len()).unwrap();
     let n_groups = u32::try_from(rays.len()).unwrap().div_ceil(64);
-    run((&device, &queue, &gpu), &scene, TRACES, [rays_there.wgpu(), found.wgpu()], n_groups);
-    let found: Vec<_> = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit)).collect();
-    assert_eq!(found, hits(&gpu, &scene));
+    run((&device, &queue, &gpu), (&scene, None), TRACES, &[[rays_there.wgpu(), found.wgpu()]], n_groups);
+    let found = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit));
+    let found: Vec<_> = found.map(|hit| hit.map(|hit| (hit.t, hit.u, hit.v, hit.primitive))).collect();
+    let expected = hits(&gpu, &scene).into_iter().map(|hit| hit.map(|hit| (hit.t, hit.u, hit.v, hit.primitive)));
+    assert_eq!(found, expected.collect::<Vec<_>>());
 }
 
 /// A program's kernel with types of its own that are called as those of the module, and two scenes.
@@ -147,7 +155,7 @@ fn two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program() {
     let moved = corners(&vertices(1.0));
     let wide = SceneInput::build([&moved], WideConfig::default());
     let scenes = [floor(&gpu), TracedScene::new(&gpu, wide).unwrap()];
-    let [low, high] = [(1, "low_"), (2, "high_")].map(|(group, prefix)| ModuleOptions { group, prefix });
+    let [low, high] = [(1, "low_"), (2, "high_")].map(|(group, prefix)| ModuleOptions { group, prefix, accepts: None });
     let text = scenes[0].module(low).unwrap() + &scenes[1].module(high).unwrap() + TRACES_TWO;
     let rays_there = gpu.buffer("rays", &device_rays()).unwrap();
     let found = gpu.zeroed::<TwoHits>("hits", rays_there.len()).unwrap();
@@ -186,7 +194,7 @@ fn two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program() {
         assert!(expected.iter().flatten().count() > 500);
         assert_eq!(found.collect::<Vec<_>>(), expected, "scene {k}");
     }
-    match scenes[0].module(ModuleOptions { group: 1, prefix: "2_" }) {
+    match scenes[0].module(ModuleOptions { group: 1, prefix: "2_", accepts: None }) {
         Err(GpuError::Shader(error)) => assert!(error.to_string().contains("'2_'"), "{error}"),
         other => panic!("{other:?}"),
     }
@@ -245,13 +253,9 @@ fn a_layout_of_another_kernel_is_rejected() {
     }
 }
 
-/// Of rays that leave the hits of a closed, convex surface, counts those that hit it again. `OFFSET` is along the normal.
+/// Of rays that leave the hits of a closed, convex surface, counts those that hit it again. They start beside the surface, or at the points of hits.
 const LEAVES: &str = "
-@group(0) @binding(0) var<storage, read> positions: array<f32>;
-@group(0) @binding(1) var<storage, read_write> n_hit_again: array<atomic<u32>>;
-fn corner(i: u32) -> vec3f {
-    return MATRIX * vec3f(positions[3u * i], positions[3u * i + 1u], positions[3u * i + 2u]) + SHIFT;
-}
+@group(0) @binding(0) var<storage, read_write> n_hit_again: array<atomic<u32>, 3>;
 fn random(seed: ptr<function, u32>) -> f32 {
     *seed = *seed * 747796405u + 2891336453u;
     let word = ((*seed >> ((*seed >> 28u) + 4u)) ^ *seed) * 277803737u;
@@ -266,22 +270,28 @@ fn on_sphere(seed: ptr<function, u32>) -> vec3f {
 fn main(@builtin(global_invocation_id) id: vec3u) {
     var seed = id.x * 9781u + 1u;
     let eye = CENTER + 4.0 * on_sphere(&seed);
-    let hit = closest_hit(Ray(eye, 0.0, CENTER + 0.8 * on_sphere(&seed) - eye, 3e38));
-    if hit.instance == NONE {
-        return;
-    }
-    atomicAdd(&n_hit_again[0], 1u);
-    let a = corner(3u * hit.primitive);
-    let b = corner(3u * hit.primitive + 1u);
-    let c = corner(3u * hit.primitive + 2u);
-    var normal = normalize(cross(b - a, c - a));
-    normal *= sign(dot(normal, a - CENTER));
-    let origin = a + hit.u * (b - a) + hit.v * (c - a) + OFFSET * normal;
-    for (var i = 0u; i < 16u; i++) {
-        var direction = on_sphere(&seed);
-        direction *= sign(dot(direction, normal));
-        if occluded(Ray(origin, 0.0, direction, 3e38)) || is_incomplete {
+    let first = ray(eye, CENTER + 0.8 * on_sphere(&seed) - eye, 3e38);
+    var next = first;
+    var hit: Hit;
+    var surface: Surface;
+    // One call, because drivers compile a traversal for each.
+    for (var i = 0u; i < 17u; i++) {
+        let found = closest_hit(next);
+        if i == 0u {
+            hit = found;
+            if hit.instance == NONE {
+                return;
+            }
+            surface = surface_of(hit, first);
+        } else if found.instance != NONE || is_incomplete {
             atomicAdd(&n_hit_again[1], 1u);
+        }
+        atomicAdd(&n_hit_again[0], 1u);
+        var direction = on_sphere(&seed);
+        direction *= sign(dot(direction, surface.normal)) * sign(dot(surface.normal, surface.position - CENTER));
+        next = ray(surface.position, direction, 3e38);
+        if atomicLoad(&n_hit_again[2]) == 1u {
+            next.origin = origin_beside(hit, first, direction);
         }
     }
 }
@@ -310,34 +320,23 @@ fn ball(center: [f32; 3]) -> Vec<[f32; 3]> {
     faces.into_flattened().into_iter().map(moved).collect()
 }
 
-/// Rays that left hits, and those of them that hit the surface again.
-fn leave(
-    (device, queue, gpu): (&wgpu::Device, &wgpu::Queue, &Gpu),
-    scene: &TracedScene,
-    positions: &wgpu::Buffer,
-    (offset, center, matrix, shift): (f32, [f32; 3], &str, [f32; 3]),
-) -> [u32; 2] {
-    let point = |[x, y, z]: [f32; 3]| format!("vec3f({x:?}, {y:?}, {z:?})");
-    let constants = format!(
-        "const OFFSET: f32 = {offset:?}; const CENTER = {}; const MATRIX = {matrix}; const SHIFT = {};",
-        point(center),
-        point(shift)
-    );
-    let counts = gpu.zeroed::<u32>("counts", 2).unwrap();
-    run((device, queue, gpu), scene, &(constants + LEAVES), [positions, counts.wgpu()], 16);
-    let counts = gpu.read(&counts).unwrap();
-    [16 * counts[0], counts[1]]
+/// Rays that left hits, and those of them that hit the surface again: of rays that start beside the surface, and of rays that start at hits.
+fn leave(on: On<'_>, scene: &TracedScene, [x, y, z]: [f32; 3]) -> [[u32; 2]; 2] {
+    let kernel = format!("const CENTER = vec3f({x:?}, {y:?}, {z:?}); {LEAVES}");
+    let (_, _, gpu) = on;
+    let counts = [true, false].map(|is_beside| gpu.buffer("counts", &[0, 0, u32::from(is_beside)]).unwrap());
+    run(on, (scene, None), &kernel, &counts.each_ref().map(|counts| [counts.wgpu()]), 16);
+    counts.map(|counts| gpu.read(&counts).unwrap()).map(|counts| [counts[0], counts[1]])
 }
 
-/// The offsets that [`TracedScene::module`] states are enough, and less is not.
-fn rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again() {
+/// Rays that start beside a hit do not meet the convex surface again, and others do.
+fn rays_that_leave_a_convex_surface_do_not_hit_it_again() {
     let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let on = (&device, &queue, &gpu);
     for center in [[3.0, -2.0, 5.0], [0.0; 3], [1000.0, 0.3, -40.0]] {
         let soup = ball(center);
         let n_vertices = u32::try_from(soup.len()).unwrap();
-        let reach = soup.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
         let positions = buffer(&device, bytemuck::cast_slice(&soup));
         let mesh = MeshBuffers {
             vertices: &positions,
@@ -348,26 +347,21 @@ fn rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again() {
             n_triangles: n_vertices / 3,
         };
         let scene = BufferScene::new(&gpu, &[mesh], WideConfig::default()).unwrap();
-        let unmoved = "mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)";
-        let again = |factor: f32| leave(on, scene.traced(), &positions, (factor * reach, center, unmoved, [0.0; 3]));
-        let [n, n_again] = again(5e-5);
+        let [[n, n_again], at_hits] = leave(on, scene.traced(), center);
         assert!(n > 12_000 && n_again == 0, "{center:?}: {n_again} of {n}");
-        assert!(again(0.0)[1] > 0, "{center:?}: no offset is needed");
+        assert!(at_hits[1] > 0, "{center:?}: rays may start at hits");
         // A turn about z, a scale of 0.7, and a translation.
         let (sin, cos, shift) = (0.42, 0.56, [0.5, -7.0, 2.0]);
         let rows = [[cos, -sin, 0.0, shift[0]], [sin, cos, 0.0, shift[1]], [0.0, 0.0, 0.7, shift[2]]];
         let mut words: Vec<u32> = rows.iter().flatten().map(|x: &f32| x.to_bits()).collect();
         words.push(0);
         let transforms = buffer(&device, bytemuck::cast_slice(&words));
-        let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 1 };
+        let instances =
+            InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 1, has_masks: false };
         let scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default()).unwrap();
         let place = |[x, y, z]: [f32; 3]| rows.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3]);
-        let reach = soup.iter().flat_map(|&vertex| place(vertex)).fold(0.0_f32, |most, x| most.max(x.abs()));
-        let matrix = format!("mat3x3f({cos}, {sin}, 0.0, -{sin}, {cos}, 0.0, 0.0, 0.0, 0.7)");
-        let again =
-            |factor: f32| leave(on, scene.traced(), &positions, (factor * reach, place(center), &matrix, shift));
-        let [n, n_again] = again(1e-4);
+        let [[n, n_again], at_hits] = leave(on, scene.traced(), place(center));
         assert!(n > 6_000 && n_again == 0, "instance of {center:?}: {n_again} of {n}");
-        assert!(again(0.0)[1] > 0, "instance of {center:?}: no offset is needed");
+        assert!(at_hits[1] > 0, "instance of {center:?}: rays may start at hits");
     }
 }

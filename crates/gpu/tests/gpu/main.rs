@@ -5,6 +5,7 @@ mod build;
 mod device;
 mod instanced;
 mod kernels;
+mod module;
 mod placed;
 mod trace;
 
@@ -20,6 +21,7 @@ fn main() -> ExitCode {
         device::tests(),
         instanced::tests(),
         kernels::tests(),
+        module::tests(),
         placed::tests(),
         trace::tests(),
     ];

@@ -76,7 +76,7 @@ fn scene_of(gpu: &Gpu, instances: &[DeviceInstance]) -> InstancedScene {
         .collect();
     let buffer = storage(gpu, bytemuck::cast_slice(instances));
     let n_instances = u32::try_from(instances.len()).unwrap();
-    let instances = InstanceBuffer { buffer: &buffer, first_byte: 0, stride: 64, n_instances };
+    let instances = InstanceBuffer { buffer: &buffer, first_byte: 0, stride: 64, n_instances, has_masks: false };
     InstancedScene::new(gpu, &meshes, &instances, BufferConfig { is_checked: false, ..DeviceBvh::default().into() })
         .unwrap()
 }
@@ -91,7 +91,7 @@ fn is_placed(words: &[u32], inverse: &[[f64; 4]; 3], map: &Affine, mesh: u32) ->
         };
         let [x, y, z, _] = inverse[k].map(|x| x as f32);
         row == [x, y, z, map.columns[3][k]] && inverse[k] == std::array::from_fn(exact)
-    }) && words[12..16] == [mesh + 1, 0, 0, 0]
+    }) && words[12..16] == [mesh + 1, 0, u32::MAX, 0]
 }
 
 /// The boxes of all instances, from the leaves of the top level's nodes.

@@ -21,6 +21,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(empty_scenes_have_no_hits),
         needs_device(incomplete_traversal_is_reported),
         needs_device(unsupported_instances_are_rejected),
+        needs_device(instances_with_masks_are_traced_by_rays_of_all_bits),
         needs_device(too_large_coordinates_are_rejected),
         needs_device(a_scene_above_a_device_limit_is_rejected),
         needs_device(vertices_that_are_not_finite_are_rejected_by_number),
@@ -132,7 +133,22 @@ fn unsupported_instances_are_rejected() {
     let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
     assert!(refused(Instance::new(0, flat)).contains("condition"));
     assert!(refused(Instance::new(3, Affine::IDENTITY)).contains("bottom-level BVH 3"));
-    assert!(refused(Instance::new(0, Affine::IDENTITY).with_mask(1)).contains("mask"));
+}
+
+fn instances_with_masks_are_traced_by_rays_of_all_bits() {
+    let gpu = gpu();
+    let floor = floor(1);
+    let at = |mask| Instance::new(0, Affine::IDENTITY).with_mask(mask);
+    // No ray hits an instance with mask 0.
+    for (masks, expected) in [([0, 4], Some(1)), ([2, 4], Some(0)), ([0, 0], None)] {
+        let scene = TracedScene::new(&gpu, SceneInput::upload([&floor]).instances(&masks.map(at))).unwrap();
+        let found = scene.closest_hits(&gpu, &[down(0.4, 0.2)]).unwrap();
+        let [Outcome::Complete(hit)] = found[..] else { panic!("{found:?}") };
+        assert_eq!(hit.map(|hit| hit.instance), expected);
+        let error = scene.closest_hits(&gpu, &[down(0.4, 0.2).with_mask(4)]).err().map(|error| error.to_string());
+        let expected = "not supported on the GPU: batches of rays with masks through instances with masks; use closest_hit_masked in a kernel";
+        assert_eq!(error.as_deref(), (masks != [0, 0]).then_some(expected));
+    }
 }
 
 fn too_large_coordinates_are_rejected() {

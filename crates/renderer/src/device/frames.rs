@@ -215,7 +215,7 @@ impl Uploaded {
         let transforms = self.transforms.as_ref()?;
         let n_instances = count(transforms.len());
         let stride = size_of::<DeviceInstance>() as u64;
-        Some(InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride, n_instances })
+        Some(InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride, n_instances, has_masks: false })
     }
 }
 
