@@ -63,7 +63,7 @@ impl TracedScene {
     ///
     /// A ray that starts at `origin_beside` and leaves in that direction, with `t_min` 0, does not hit the same triangle again, nor any of the same mesh that lies behind its plane,
     /// as the neighbors across a convex edge. The distance follows from the error bounds of the traversal, so there is nothing to choose; it is about
-    /// 3e-5 times the largest coordinate. In one level the origin serves all directions on that side. This holds for instances whose transforms have condition numbers up to 64, or 32 for those that move, and for triangles whose height is more than 2^-38 of
+    /// 3e-5 times the largest coordinate. In one level the origin serves all directions on that side. This holds for instances whose transforms have condition numbers up to 128, or 64 for those that move, and for triangles whose height is more than 2^-38 of
     /// their length.
     ///
     /// # Masks

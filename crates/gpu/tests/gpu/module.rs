@@ -39,14 +39,15 @@ fn soup(random: &mut SplitMix64, n: usize, center: [f32; 3]) -> Vec<Corners> {
     (0..n).map(one).collect()
 }
 
-/// Placements with condition numbers up to 60: turned, scaled, sheared, mirrored, far.
-fn placements() -> [Affine; 5] {
+/// Placements with condition numbers up to 128: turned, scaled, sheared, mirrored, far.
+fn placements() -> [Affine; 6] {
     [
         Affine::IDENTITY,
         Affine { columns: [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0], [12.0, -3.0, 5.0]] },
         Affine { columns: [[0.0, 20.0, 15.0], [3.0, 0.1, 0.0], [0.3, -4.0, 3.0], [-90.0, 40.0, 8.0]] },
         Affine { columns: [[-0.01, 0.0, 0.002], [0.0, 0.02, 0.0], [0.003, 0.0, 0.01], [0.5, 9.0, 9.0]] },
         Affine { columns: [[1.0, 0.5, 0.0], [0.0, 1.0, 0.5], [0.5, 0.0, 1.0], [3e4, -2e3, 1e2]] },
+        Affine { columns: [[2.6, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.3, 1.0], [-7.0, 1.0, 30.0]] },
     ]
 }
 
@@ -68,7 +69,7 @@ fn rays_to(random: &mut SplitMix64, soup: &[Corners], maps: &[Affine], n: usize)
             (u, v) = (1.0 - u, 1.0 - v);
         }
         let target: [f64; 3] = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
-        let far = [0.1, 3.0, 200.0][i % 3] * map.row_sum_norm();
+        let far = [0.1, 3.0, 200.0, 1e4][i % 4] * map.row_sum_norm();
         let origin: [f32; 3] = std::array::from_fn(|k| (target[k] + far * random.signed()) as f32);
         let direction = std::array::from_fn(|k| 0.7 * (target[k] - f64::from(origin[k])) as f32);
         DeviceRay { origin, t_min: 0.0, direction, t_max: 3e38 }
@@ -85,6 +86,12 @@ fn scenes(
 ) {
     let maps = placements();
     let placed: Vec<DeviceInstance> = maps.iter().map(|map| DeviceInstance::new(0, map)).collect();
+    let condition = |map: &Affine| {
+        let inverse = Instance::new(0, *map).object_from_world(0).unwrap();
+        map.row_sum_norm() * canted_tlas::row_sum_norm(&inverse)
+    };
+    let most = maps.iter().map(condition).fold(0.0, f64::max);
+    assert!(most > 100.0 && most <= 128.0, "condition numbers up to {most}");
     let transforms = buffer(device, bytemuck::cast_slice(&placed));
     let n_instances = u32::try_from(placed.len()).unwrap();
     let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances, has_masks: false };
