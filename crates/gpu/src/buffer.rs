@@ -59,7 +59,10 @@ impl<T> Buffer<T> {
     /// The part of `len` values from a byte on, a multiple of [`PART_BYTES`]. It shares the memory.
     pub(crate) fn part<U>(&self, first_byte: u64, len: usize) -> Buffer<U> {
         let n_bytes = Gpu::n_bytes_of::<U>(len);
-        assert!(first_byte % PART_BYTES == 0 && first_byte + n_bytes <= self.n_bytes, "a part beyond its buffer");
+        assert!(
+            first_byte.is_multiple_of(PART_BYTES) && first_byte + n_bytes <= self.n_bytes,
+            "a part beyond its buffer"
+        );
         Buffer {
             raw: self.raw.clone(),
             first_byte: self.first_byte + first_byte,
