@@ -3,7 +3,7 @@
 // Each ray tests one BVH that consists of a single leaf; ray indices wrap around the BVHs.
 // use shared/invocation/index
 // use shared/bvh/node
-// use shared/triangle/leaf/blocks
+// use shared/triangle/leaf/records
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;

@@ -190,17 +190,6 @@ fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
     return products.x + products.y;
 }
 
-// part leaf
-// Where the triangles of a leaf are stored: from the position of its first triangle, so that leaves need no counter.
-//
-// Half of a block of four is a part. A leaf of one or two triangles takes the part of its first position, a larger one starts
-// with the first whole block at or after it: three triangles have at least as many positions as they need parts from there.
-
-/// The part that the leaf of `n` triangles from position `first` starts with.
-fn part_of_leaf(first: u32, n: u32) -> u32 {
-    return select(first + (first & 1u), first, n <= 2u);
-}
-
 // part length
 // Lengths of vectors whose squares overflow or underflow.
 
@@ -458,7 +447,6 @@ fn box_of(child: u32) -> array<u32, 6> {
 // Where wide nodes are written.
 // use shared/build/wide/leaves
 // use shared/build/wide_word
-// use shared/build/leaf
 
 struct Level {
     /// The first unit of memory of this level.
@@ -502,7 +490,7 @@ fn word_of(child: u32) -> u32 {
     }
     let node = nodes[child];
     let n = node.last - node.first + 1u;
-    return LEAF | ((n - 1u) << 26u) | part_of_leaf(node.first, n);
+    return LEAF | ((n - 1u) << 26u) | node.first;
 }
 
 // part wide_word

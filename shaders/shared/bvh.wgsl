@@ -43,7 +43,7 @@ const ORIENTED_ROUNDING: f32 = 15.0 * ROUNDING;
 /// Smallest absolute component of a direction in a box test, 2^-64.
 const MIN_DIRECTION: f32 = 5.421010862427522e-20;
 
-/// Header of a BVH in `nodes` and `triangle_blocks`.
+/// Header of a BVH in `nodes` and `leaf_triangles`.
 struct Bvh {
     /// Rows of the frame of the aligned nodes. The fourth components are: the largest coordinate of any vertex,
     row_x: vec4<f32>,
@@ -51,12 +51,12 @@ struct Bvh {
     row_y: vec4<f32>,
     /// and the constant part of that error.
     row_z: vec4<f32>,
-    /// Root word, first node and first block in quads, and whether the frame is rotated.
+    /// Root word, first node and first triangle in quads, and whether the frame is rotated.
     words: vec4<u32>,
 }
 
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
-@group(0) @binding(1) var<storage, read> triangle_blocks: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read> leaf_triangles: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> bvhs: array<Bvh>;
 
 /// The ray prepared for a BVH. `t` is scaled so that the largest component of the direction is in [1, 2).
@@ -76,7 +76,7 @@ struct Space {
     /// Deviation from the CPU's ray in sheared coordinates: per distance, and constant.
     drift: vec2<f32>,
     first_node: u32,
-    first_half: u32,
+    first_triangle: u32,
     instance: u32,
 }
 
@@ -108,7 +108,7 @@ fn enter_bvh(index: u32, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, dr
     space.t_min = scaled_t(t_min);
     space.drift = vec2<f32>(drift.x, drift.y * space.from_scaled);
     space.first_node = bvh.words.y;
-    space.first_half = bvh.words.z;
+    space.first_triangle = bvh.words.z;
     space.instance = instance;
     thicken(bvh);
     return bvh.words.x;
@@ -264,6 +264,11 @@ fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
     return aligned_spans(quads_of(word) + half, t_max);
 }
 
+/// The words of four children.
+fn child_words(word: u32, half: u32) -> vec4<u32> {
+    return nodes[quads_of(word) + 12u + half];
+}
+
 /// The word of a child.
 fn child_word(word: u32, child: u32) -> u32 {
     return nodes[quads_of(word) + 12u + (child >> 2u)][child & 3u];
@@ -285,6 +290,12 @@ fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
             return oriented_spans(at, t_max);
         }
     }
+}
+
+/// The words of four children.
+fn child_words(word: u32, half: u32) -> vec4<u32> {
+    let row = select(30u, 12u, (word >> 29u) == 0u);
+    return nodes[quads_of(word) + row + half];
 }
 
 /// The word of a child.

@@ -8,7 +8,9 @@
 // are high where bits 0, 1, 2 of `i` are set. A ray takes the children in the order of `i ^ octant`, where `octant` has a bit for each
 // negative component of its direction (Ylitie, Karras and Laine 2017). Any order is correct. The pending children of a node are one mask, and
 // the stack has one entry, node and mask, for each level. So each node is read and tested once, nothing is sorted, and no distance is kept.
-// A leaf of the top level is an instance. Its nodes are pending above those of the top level, which the ray enters again when they are done.
+// The leaves among the children that a ray enters are tested at once, triangle by triangle in one loop, so that neighboring rays test triangles
+// together whichever leaves they are in. A leaf of the top level is an instance. Its nodes are pending above those of the top level, which the
+// ray enters again when they are done.
 //
 // # What is certain
 // Let E, M, g and the sheared coordinates be as in shared/triangle. An edge function of the CPU's triangle differs from the computed one
@@ -38,7 +40,7 @@
 //
 // *Boxes* are thickened as for the exact kernel (shared/bvh), and the upper end of the best interval bounds them, so no hit is lost.
 // use shared/bvh/node
-// use shared/triangle/blocks/single
+// use shared/triangle/records
 // use ?level
 // use ?count
 // use shared/invocation/iterations
@@ -73,15 +75,15 @@ var<private> best_last: f32;
 /// `best_last` in the units of the current instance.
 var<private> limit_in_instance: f32;
 
-/// The best hit: number of its triangle, `NONE` for no hit, its instance, and the first word of the triangle and the stride of its rows.
+/// The best hit: number of its triangle, `NONE` for no hit, its instance, and the first quad of the triangle.
 var<private> best_number: u32;
 var<private> best_instance: u32;
-var<private> best_words: vec2<u32>;
+var<private> best_at: u32;
 
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// Finds the closest hit, or any hit: `best_number`, `best_instance` and `best_words`. Returns whether the answer is certain.
+/// Finds the closest hit, or any hit: `best_number`, `best_instance` and `best_at`. Returns whether the answer is certain.
 fn is_certain_hit(ray: Ray, any: bool) -> bool {
     var word = enter_top(ray);
     limit_in_instance = scaled_t(ray.t_max);
@@ -104,17 +106,7 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
         if is_done || iterations > MAX_ITERATIONS {
             break;
         }
-        if (word & LEAF) == 0u {
-            if pending.y != 0u {
-                stack[n_entries] = pending;
-                n_entries += 1u;
-            }
-            pending = vec2<u32>(word, entered(word, octant));
-            count_boxes(8u);
-        } else if is_in_instance {
-            leaf(word);
-            is_done = any && best_number != NONE;
-        } else {
+        if HAS_INSTANCES && !is_in_instance && (word & LEAF) != 0u {
             if pending.y != 0u {
                 stack[n_entries] = pending;
                 n_entries += 1u;
@@ -125,9 +117,23 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
             word = enter_instance_leaf(ray, word);
             limit_in_instance = scaled_t(best_last);
             octant = octant_of_space();
-            if word != EMPTY {
-                continue;
+        }
+        var leaf_word = word;
+        var leaves = 0u;
+        if (word & LEAF) == 0u && word != EMPTY {
+            if pending.y != 0u {
+                stack[n_entries] = pending;
+                n_entries += 1u;
             }
+            leaf_word = EMPTY;
+            let masks = entered(word, octant, is_in_instance);
+            pending = vec2<u32>(word, masks.x);
+            leaves = masks.y;
+            count_boxes(8u);
+        }
+        is_done = is_settled(leaf_word, word, leaves, octant, any);
+        if is_done {
+            break;
         }
         if pending.y == 0u {
             if HAS_INSTANCES && is_in_instance && n_entries == n_top_level {
@@ -149,6 +155,38 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
         word = child_word(pending.x, rank ^ octant);
     }
     return is_done && doubt > best_last || any && best_number != NONE;
+}
+
+/// Tests the triangles of `leaf`, if it is a leaf, then those of the children of a node in the mask `leaves`. Returns whether any hit is enough
+/// and there is one.
+fn is_settled(first_leaf: u32, node: u32, mask: u32, octant: u32, any: bool) -> bool {
+    var leaf = first_leaf;
+    var leaves = mask;
+    var at = 0u;
+    var end = 0u;
+    loop {
+        if at == end {
+            if (leaf & LEAF) == 0u {
+                if leaves == 0u {
+                    return false;
+                }
+                leaf = child_word(node, firstTrailingBit(leaves) ^ octant);
+                leaves &= leaves - 1u;
+            }
+            let n = size_of_leaf(leaf);
+            at = first_of_leaf(leaf);
+            end = at + TRIANGLE_QUADS * n;
+            leaf = EMPTY;
+            iterations += n;
+            count_triangles(n);
+        }
+        decide(at);
+        at += TRIANGLE_QUADS;
+        if any && best_number != NONE {
+            return true;
+        }
+    }
+    return false;
 }
 
 /// A scaled `t` in units in which those of all instances are compared: the caller's, or the scaled ones in one level.
@@ -173,45 +211,29 @@ fn octant_of_space() -> u32 {
     return (backward.x | backward.y) | backward.z;
 }
 
-/// A mask of the children of a node that the ray enters, in its order.
-fn entered(word: u32, octant: u32) -> u32 {
+/// Masks of the children of a node that the ray enters, in its order: those to traverse, and leaves.
+fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
     var all = vec4<u32>(0u);
+    var leaf = vec4<u32>(0u);
     // One in which the loop ends.
     iterations += 3u;
     for (var half = 0u; half < 2u; half += 1u) {
         let spans = spans_of(word, half, limit());
         let ranks = vec4<u32>(0u, 1u, 2u, 3u) ^ vec4<u32>(octant ^ (half << 2u));
-        all |= select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
+        let bits = select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
+        all |= bits;
+        leaf |= bits & (vec4<u32>(0u) - (child_words(word, half) >> vec4<u32>(31u)));
     }
-    return (all.x | all.y) | (all.z | all.w);
+    let entered = (all.x | all.y) | (all.z | all.w);
+    let leaves = select(0u, (leaf.x | leaf.y) | (leaf.z | leaf.w), are_leaves_apart);
+    return vec2<u32>(entered & ~leaves, leaves);
 }
 
-/// Words from one block of eight triangles to the next.
-const EIGHT_WORDS: u32 = 8u * HALF_QUADS;
-
-/// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
-/// four.
-fn leaf(word: u32) {
-    let first = word & LEAF_FIRST;
-    let n = ((word >> 26u) & 31u) + 1u;
-    let n_blocks_of_eight = (n + 3u) >> 3u;
-    let start = 4u * (space.first_half + (first >> 1u) * HALF_QUADS);
-    iterations += n + 1u;
-    count_triangles(n);
-    for (var i = 0u; i < n; i += 1u) {
-        let block = i >> 3u;
-        let is_of_eight = block < n_blocks_of_eight;
-        let lane = (i & 7u) + select((first & 1u) << 1u, 0u, is_of_eight);
-        decide(start + block * EIGHT_WORDS + lane, select(4u, 8u, is_of_eight));
-    }
-}
-
-/// Tests the triangle whose first word is at `at`, in a block with rows of `stride` words, and keeps what is certain about its hit.
-fn decide(at: u32, stride: u32) {
-    let words = vec3<u32>(at) + stride * shear.axes;
-    let a = corner_of(words);
-    let b = corner_of(words + vec3<u32>(3u * stride));
-    let c = corner_of(words + vec3<u32>(6u * stride));
+/// Tests the triangle at a quad, and keeps what is certain about its hit.
+fn decide(at: u32) {
+    let a = vertex(at) - shear.origin;
+    let b = vertex(at + 1u) - shear.origin;
+    let c = vertex(at + 2u) - shear.origin;
     let m = max(greatest(a), max(greatest(b), greatest(c)));
     // Edge functions, and their bounds.
     let p = a.xy - shear.factors * a.z;
@@ -249,16 +271,16 @@ fn decide(at: u32, stride: u32) {
     let terms = f.yzzx * g.zyxz;
     let slope = (abs(terms.x - terms.y) + abs(terms.z - terms.w)) + SLOPE_ROUNDING * ((abs(terms.x) + abs(terms.y)) + (abs(terms.z) + abs(terms.w)));
     let error = rounding + (SLOPE_FACTOR * slope) * abs(inverse) * (off + (ACROSS_ROUNDING * m + drift));
-    keep(t, error, at, stride);
+    keep(t, error, at);
 }
 
 /// Keeps a hit whose scaled `t` is known within an error.
-fn keep(t: f32, error: f32, at: u32, stride: u32) {
+fn keep(t: f32, error: f32, at: u32) {
     let is_before_start = t - error < space.t_min;
     let is_behind = t + error < space.t_min;
     let first = comparable(t - error);
     let last = comparable(t + error);
-    let number = triangle_words[at + 9u * stride];
+    let number = leaf_triangles[at].w;
     // A triangle may be in two leaves.
     if first > best_last || is_behind || number == best_number && space.instance == best_instance {
         return;
@@ -281,5 +303,5 @@ fn keep(t: f32, error: f32, at: u32, stride: u32) {
     }
     best_number = number;
     best_instance = space.instance;
-    best_words = vec2<u32>(at, stride);
+    best_at = at;
 }

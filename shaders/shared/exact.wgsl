@@ -355,11 +355,7 @@ fn exact_axes(d: array<Number, 3>) -> vec3<u32> {
 
 /// A vertex with permuted axes in its own.
 fn from_axes(v: vec3<f32>) -> vec3<f32> {
-    var own: vec3<f32>;
-    own[shear.axes.x] = v.x;
-    own[shear.axes.y] = v.y;
-    own[shear.axes.z] = v.z;
-    return own;
+    return select(select(v, v.yzx, shear.axis == 1u), v.zxy, shear.axis == 0u);
 }
 
 /// A coordinate of a vertex relative to the origin.

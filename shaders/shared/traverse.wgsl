@@ -20,7 +20,7 @@ fn occluded(ray: Ray) -> bool {
 // The stack has at most one entry per level: the word of a node and, in three bits each, its pending children from the nearest.
 // A pending child is tested again when the ray returns to its node, with the best hit so far. So entries need no distances.
 // use shared/bvh/node
-// use shared/triangle/leaf/blocks
+// use shared/triangle/leaf/records
 // use ?level
 // use ?count
 // use shared/invocation/iterations
@@ -152,8 +152,8 @@ fn leaf_triangle(word: u32) {
     let c = vertex_at(9u * triangle + 6u);
     count_triangles(1u);
     tested_place = triangle;
-    // `first_half` is the first triangle of the mesh.
-    consider(a, b, c, triangle - space.first_half);
+    // `first_triangle` is the first triangle of the mesh.
+    consider(a, b, c, triangle - space.first_triangle);
 }
 
 /// A vertex of the triangle at a place: its number.

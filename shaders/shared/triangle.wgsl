@@ -1,4 +1,4 @@
-// Ray-triangle intersection: a conservative test of four triangles at once, then an exact one for each candidate.
+// Ray-triangle intersection: a conservative test, then an exact one for each candidate.
 //
 // # What is hit
 // As in `canted_trace`'s watertight test the ray becomes the z axis: `x = a_x - s_x a_z` for a vertex `a` relative to the
@@ -47,9 +47,9 @@ const EDGE_ROUNDING: f32 = 15.0 * ROUNDING;
 /// Smallest divisor.
 const MIN_DIVISOR: f32 = 1.1754944e-38;
 
-/// The ray prepared for triangle tests: axes that become x, y, z, and the shear.
+/// The ray prepared for triangle tests: the axis that becomes z, with the others in cyclic order, and the shear.
 struct Shear {
-    axes: vec3<u32>,
+    axis: u32,
     origin: vec3<f32>,
     factors: vec2<f32>,
     /// Component of the direction along z.
@@ -74,11 +74,11 @@ struct TriangleHit {
 /// Prepares the shear for the current ray and vertices within `scale` of its origin.
 fn prepare_triangles(scale: f32) {
     let d = abs(space.direction);
-    shear.axes = vec3<u32>(0u, 1u, 2u);
+    shear.axis = 2u;
     if d.x >= d.y && d.x >= d.z {
-        shear.axes = vec3<u32>(1u, 2u, 0u);
+        shear.axis = 0u;
     } else if d.y >= d.z {
-        shear.axes = vec3<u32>(2u, 0u, 1u);
+        shear.axis = 1u;
     }
     shear.origin = along_axes(space.origin);
     let direction = along_axes(space.direction);
@@ -95,7 +95,7 @@ fn shear_error(m: f32) -> f32 {
 }
 
 fn along_axes(v: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(v[shear.axes.x], v[shear.axes.y], v[shear.axes.z]);
+    return select(select(v, v.zxy, shear.axis == 1u), v.yzx, shear.axis == 0u);
 }
 
 /// `a / b`, or zero for a zero divisor.
@@ -181,87 +181,28 @@ fn across(p: vec3<f32>, q: vec3<f32>, r: vec3<f32>) -> vec4<f32> {
     return vec4<f32>((1.0 - weight_q) - weight_r, weight_q, weight_r, 0.0);
 }
 
-// part blocks
-// Four triangles at once, from blocks of eight.
+// part records
+// The triangles of leaves: three quads for each, a vertex in each, and its number in the fourth word of the first.
 
-/// Bits of a leaf word for its first triangle, in units of half a half-block.
+/// Bits of a leaf word for its first triangle.
 const LEAF_FIRST: u32 = 0x03ffffffu;
 
-/// Quads of a half-block: nine coordinates of four triangles, then their indices.
-const HALF_QUADS: u32 = 10u;
+/// Quads of a triangle.
+const TRIANGLE_QUADS: u32 = 3u;
 
-/// Sheared x and y of a vertex of four triangles.
-struct Four {
-    x: vec4<f32>,
-    y: vec4<f32>,
+/// First quad of the triangles of a leaf.
+fn first_of_leaf(word: u32) -> u32 {
+    return space.first_triangle + TRIANGLE_QUADS * (word & LEAF_FIRST);
 }
 
-/// Vertex `corner` of four triangles. Rows are `stride` quads long; `at` is a quad of the first row.
-fn four(at: u32, stride: u32, corner: u32) -> Four {
-    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
-    let x = bitcast<vec4<f32>>(triangle_blocks[rows.x]) - vec4<f32>(shear.origin.x);
-    let y = bitcast<vec4<f32>>(triangle_blocks[rows.y]) - vec4<f32>(shear.origin.y);
-    let z = bitcast<vec4<f32>>(triangle_blocks[rows.z]) - vec4<f32>(shear.origin.z);
-    return Four(x - shear.factors.x * z, y - shear.factors.y * z);
-}
-
-/// Bit mask of the triangles, of four, that the ray may hit.
-fn candidates(at: u32, stride: u32) -> u32 {
-    let a = four(at, stride, 0u);
-    let b = four(at, stride, 1u);
-    let c = four(at, stride, 2u);
-    let u = c.x * b.y - c.y * b.x;
-    let v = a.x * c.y - a.y * c.x;
-    let w = b.x * a.y - b.y * a.x;
-    let sum = ((abs(a.x) + abs(a.y)) + (abs(b.x) + abs(b.y))) + (abs(c.x) + abs(c.y));
-    let error = shear.apart.x * (sum + vec4<f32>(shear.apart.y)) + vec4<f32>(TINY);
-    let is_mixed = (min(u, min(v, w)) < -error) & (max(u, max(v, w)) > error);
-    let bits = select(vec4<u32>(1u, 2u, 4u, 8u), vec4<u32>(0u), is_mixed);
-    return (bits.x | bits.y) | (bits.z | bits.w);
+/// Number of triangles of a leaf.
+fn size_of_leaf(word: u32) -> u32 {
+    return ((word >> 26u) & 31u) + 1u;
 }
 
 /// A vertex with permuted axes.
-fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
-    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
-    let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
-    return bitcast<vec3<f32>>(bits);
-}
-
-// part blocks/walk
-// The blocks of a leaf. `four_triangles` tests four of its triangles.
-
-/// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
-/// four.
-fn leaf(word: u32) {
-    let first = word & LEAF_FIRST;
-    var n = ((word >> 26u) & 31u) + 1u;
-    var at = space.first_half + (first >> 1u) * HALF_QUADS;
-    var is_second = false;
-    count_triangles(n);
-    loop {
-        let stride = select(1u, 2u, is_second || n > 4u);
-        let first_quad = at + select(0u, 1u, is_second);
-        let filled = ((1u << min(n, 4u)) - 1u) << ((first & 1u) * 2u);
-        four_triangles(first_quad, stride, filled);
-        if n <= 4u {
-            break;
-        }
-        n -= 4u;
-        at += select(0u, 2u * HALF_QUADS, is_second);
-        is_second = !is_second;
-    }
-}
-
-// part blocks/single
-// Single triangles of the blocks.
-
-/// The words of `triangle_blocks`: single words of quads would cost three more operations each.
-@group(0) @binding(1) var<storage, read> triangle_words: array<u32>;
-
-/// A vertex relative to the origin, with permuted axes, from three words.
-fn corner_of(words: vec3<u32>) -> vec3<f32> {
-    let bits = vec3<u32>(triangle_words[words.x], triangle_words[words.y], triangle_words[words.z]);
-    return bitcast<vec3<f32>>(bits) - shear.origin;
+fn vertex(at: u32) -> vec3<f32> {
+    return along_axes(bitcast<vec3<f32>>(leaf_triangles[at].xyz));
 }
 
 // part leaf
@@ -314,31 +255,47 @@ fn is_hit_exactly(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     return !exact_shear.is_known || is_hit_on_cpu(a, b, c);
 }
 
-// part leaf/blocks
+// part leaf/records
 // Triangle tests of the leaves of wide BVHs.
-// use shared/triangle/blocks/walk
+// use shared/triangle/records
 
-/// Tests those of four triangles that are set in `filled`.
-fn four_triangles(at: u32, stride: u32, filled: u32) {
-    var pending = candidates(at, stride) & filled;
-    // One for the block, and one in which the loop ends.
-    iterations += 2u + countOneBits(pending);
+/// Tests the triangles of a leaf: all by a filter, then those that the ray may hit.
+fn leaf(word: u32) {
+    let first = first_of_leaf(word);
+    let n = size_of_leaf(word);
+    count_triangles(n);
+    // One in which each loop ends.
+    iterations += n + 2u;
+    var pending = 0u;
+    for (var i = 0u; i < n; i += 1u) {
+        pending |= select(0u, 1u << i, is_candidate(first + TRIANGLE_QUADS * i));
+    }
+    iterations += countOneBits(pending);
     loop {
         if pending == 0u {
             break;
         }
-        let lane = firstTrailingBit(pending);
+        let at = first + TRIANGLE_QUADS * firstTrailingBit(pending);
         pending &= pending - 1u;
-        let number = triangle_blocks[at + 9u * stride][lane];
-        tested_place = 2u * (4u * at + lane) + (stride - 1u);
-        consider(vertex(at, stride, 0u, lane), vertex(at, stride, 1u, lane), vertex(at, stride, 2u, lane), number);
+        tested_place = at;
+        consider(vertex(at), vertex(at + 1u), vertex(at + 2u), leaf_triangles[at].w);
     }
 }
 
-/// A vertex of the triangle at a place: twice its first word, plus one less than the stride of its rows.
+/// A vertex of the triangle at a place: its first quad.
 fn vertex_at_place(place: u32, corner: u32) -> vec3<f32> {
-    let quads = vec3<u32>(place >> 3u) + (1u + (place & 1u)) * (vec3<u32>(3u * corner) + vec3<u32>(0u, 1u, 2u));
-    let lane = (place >> 1u) & 3u;
-    let bits = vec3<u32>(triangle_blocks[quads.x][lane], triangle_blocks[quads.y][lane], triangle_blocks[quads.z][lane]);
-    return bitcast<vec3<f32>>(bits);
+    return bitcast<vec3<f32>>(leaf_triangles[place + corner].xyz);
+}
+
+/// Whether the ray may hit the triangle at a quad.
+fn is_candidate(at: u32) -> bool {
+    let a = sheared(vertex(at) - shear.origin);
+    let b = sheared(vertex(at + 1u) - shear.origin);
+    let c = sheared(vertex(at + 2u) - shear.origin);
+    let u = c.x * b.y - c.y * b.x;
+    let v = a.x * c.y - a.y * c.x;
+    let w = b.x * a.y - b.y * a.x;
+    let sum = ((abs(a.x) + abs(a.y)) + (abs(b.x) + abs(b.y))) + (abs(c.x) + abs(c.y));
+    let error = shear.apart.x * (sum + shear.apart.y) + TINY;
+    return !(min(u, min(v, w)) < -error && max(u, max(v, w)) > error);
 }

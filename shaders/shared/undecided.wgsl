@@ -29,11 +29,11 @@ fn list(index: u32) {
 // part found
 // What `trace/certain_closest` writes to the buffer of hits, and `trace/certain_weights` replaces by hits.
 
-/// As large as `Hit`: `primitive` and `instance` are final, the others are the first word of the triangle, the stride of its rows, and nothing.
+/// As large as `Hit`: `primitive` and `instance` are final, the first word is the first quad of the triangle.
 struct Found {
     at: u32,
-    stride: u32,
-    unused: u32,
+    unused_u: u32,
+    unused_v: u32,
     primitive: u32,
     instance: u32,
 }

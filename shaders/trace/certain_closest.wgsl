@@ -14,7 +14,7 @@ fn main(id: Invocation) {
     }
     let is_certain = is_certain_hit(rays[index], false);
     let is_hit = is_certain && best_number != NONE;
-    hits[index] = Found(best_words.x, best_words.y, 0u, best_number, select(NONE, best_instance, is_hit));
+    hits[index] = Found(best_at, 0u, 0u, best_number, select(NONE, best_instance, is_hit));
     if !is_certain {
         list(index);
     }

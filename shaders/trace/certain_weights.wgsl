@@ -1,5 +1,5 @@
 // `t` and weights of the hits of `trace/certain_closest`, with the bits of the exact kernels. They are apart from the loop, which is shorter so.
-// use shared/triangle/blocks/single
+// use shared/triangle/records
 // use shared/undecided/found
 // use ?level
 // use shared/invocation/index
@@ -14,11 +14,10 @@ fn main(id: Invocation) {
     }
     let found = hits[index];
     enter_instance(rays[index], found.instance);
-    let words = vec3<u32>(found.at) + found.stride * shear.axes;
     let corners = array<vec3<f32>, 3>(
-        sheared(corner_of(words)),
-        sheared(corner_of(words + vec3<u32>(3u * found.stride))),
-        sheared(corner_of(words + vec3<u32>(6u * found.stride))),
+        sheared(vertex(found.at) - shear.origin),
+        sheared(vertex(found.at + 1u) - shear.origin),
+        sheared(vertex(found.at + 2u) - shear.origin),
     );
     let weights = inside(corners);
     if weights.w < 0.0 {

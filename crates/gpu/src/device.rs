@@ -2,6 +2,7 @@
 
 use std::{
     collections::HashMap,
+    path::Path,
     sync::{
         Arc, Mutex, OnceLock, PoisonError,
         atomic::{AtomicBool, Ordering},
@@ -13,6 +14,7 @@ use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints
 
 use crate::adapter::{AdapterInfo, Choice, choose, facts_of};
 use crate::memory::{Counters, FrameBuffers, Memory, Staging};
+use crate::pipelines::KeptPipelines;
 #[cfg(not(target_family = "wasm"))]
 use crate::timeout::AdaptiveTimeout;
 use crate::wait::block_on;
@@ -31,6 +33,8 @@ pub struct Gpu {
     #[cfg(not(target_family = "wasm"))]
     timeout: AdaptiveTimeout,
     kernels: Mutex<HashMap<String, Arc<Kernel>>>,
+    /// See [`Gpu::keep_pipelines`].
+    pipelines: Option<KeptPipelines>,
     pub(crate) frame_buffers: Mutex<Option<FrameBuffers>>,
     pub(crate) counters: Counters,
     /// Whether all kernels keep the checks of `wgpu`; see [`crate::trusted`].
@@ -79,7 +83,7 @@ impl Gpu {
         });
         let descriptor = DeviceDescriptor {
             label: Some("canted"),
-            required_features: adapter.features() & Features::TIMESTAMP_QUERY,
+            required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::PIPELINE_CACHE),
             required_limits: limits.clone(),
             experimental_features: ExperimentalFeatures::disabled(),
             memory_hints: MemoryHints::Performance,
@@ -140,6 +144,7 @@ impl Gpu {
             #[cfg(not(target_family = "wasm"))]
             timeout: AdaptiveTimeout::default(),
             kernels: Mutex::default(),
+            pipelines: None,
             frame_buffers: Mutex::default(),
             counters: Counters::default(),
             is_checked: AtomicBool::new(false),
@@ -214,6 +219,32 @@ impl Gpu {
         self.device.features().contains(Features::TIMESTAMP_QUERY)
     }
 
+    /// Reads pipelines that an earlier run compiled from a folder of the user, and writes them there when this value is dropped. The folder has a
+    /// file for each model of device. A file that is damaged or of another driver is ignored, and written again.
+    ///
+    /// Returns whether the driver can give its pipelines away: those for Vulkan do. Others, and a program's own device without
+    /// [`Features::PIPELINE_CACHE`], compile again in each run, unless their system keeps pipelines by itself.
+    ///
+    /// ```no_run
+    /// # fn example() -> Result<(), canted_gpu::GpuError> {
+    /// use canted_gpu::{Choice, Gpu};
+    ///
+    /// let mut gpu = Gpu::open(&Choice::Best)?;
+    /// gpu.keep_pipelines(&std::env::temp_dir().join("pipelines"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn keep_pipelines(&mut self, folder: &Path) -> bool {
+        let opened = self.guarded(|| KeptPipelines::open(&self.device, folder));
+        self.pipelines = opened.ok().flatten();
+        self.pipelines.is_some()
+    }
+
+    /// What an earlier run compiled.
+    pub(crate) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
+        self.pipelines.as_ref().map(|kept| &kept.cache)
+    }
+
     /// Compiles kernel `name` with these choices; repeated calls return the same kernel.
     ///
     /// # Errors
@@ -226,7 +257,8 @@ impl Gpu {
         }
         self.check()?;
         let is_checked = self.is_checked.load(Ordering::Relaxed);
-        let make = || Kernel::new(&self.device, &self.limits, name, chosen, is_checked);
+        let cache = self.pipeline_cache();
+        let make = || Kernel::new(&self.device, &self.limits, name, chosen, is_checked, cache);
         let kernel = Arc::new(self.guarded(make)??);
         self.check()?;
         kernels.insert(key, kernel.clone());

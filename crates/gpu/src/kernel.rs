@@ -1,7 +1,9 @@
 //! Compiled kernels.
 
 use canted_shaders::{Binding, BindingKind, Entry, Shader, Variant};
-use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
+use wgpu::{
+    ComputePipelineDescriptor, Limits, PipelineCache, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource,
+};
 
 use crate::{GpuError, trusted};
 
@@ -13,13 +15,14 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// `is_checked`: whether it keeps the checks of `wgpu` also where it needs none.
+    /// `is_checked`: whether it keeps the checks of `wgpu` also where it needs none. `cache`: pipelines that need not be compiled again.
     pub(crate) fn new(
         device: &wgpu::Device,
         limits: &Limits,
         name: &str,
         chosen: &Variant,
         is_checked: bool,
+        cache: Option<&PipelineCache>,
     ) -> Result<Self, GpuError> {
         let shader = Shader::new(name, chosen)?;
         let entry =
@@ -40,7 +43,7 @@ impl Kernel {
             module: &module,
             entry_point: Some("main"),
             compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
-            cache: None,
+            cache,
         });
         Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone() })
     }

@@ -118,7 +118,7 @@
 //! |---|---|---|
 //! | 0 `nodes` | always | nodes of all BVHs, see below |
 //! | 1 `corners` | binary BVHs | nine coordinates per triangle, in the order of the meshes |
-//! | 1 `triangle_blocks` | wide BVHs | triangles, four at a time: nine rows of four coordinates, and a row of their four numbers; 160 bytes |
+//! | 1 `leaf_triangles` | wide BVHs | three rows for each triangle, in the order of leaves: a vertex in each, and its number in the last word of the first |
 //! | 2 `bvhs` | always | a `Bvh` for each BVH, that of the top level first; in an [`InstancedScene`] the last is empty, for instances that are not placed |
 //! | 3 `instances` | two levels | an `Instance` for each |
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
@@ -144,7 +144,7 @@
 //! | `row_z` | third row | error of hits, constant part |
 //!
 //! Its `words` are the word of the root; the first row of its nodes in `nodes`, or 0 in binary BVHs; the first triangle, or the first row
-//! of its blocks; and whether the frame is rotated.
+//! of its triangles; and whether the frame is rotated.
 //!
 //! `Instance`: `row_x` to `row_z` have the rows of the linear part of `object_from_world`, and in their fourth components the world position of the
 //! object's origin. `bvh.x` is an index into `bvhs`: mesh *i* has *i* + 1, because the top level comes first. `bvh.y` is an index into
@@ -155,15 +155,14 @@
 //! | BVH | bit 31 is 1: a leaf | bit 31 is 0: a node |
 //! |---|---|---|
 //! | binary | the other bits are an index into `corners`, or in the top level into `instance_order` | an index into `nodes`, in nodes, whichever BVH it belongs to |
-//! | wide | bits 26 to 30: triangles or instances, less one. Bits 0 to 25: the first half of a block, counted from the first block of the BVH; in the top level, an index into `instance_order` | bits 29 and 30: the kind, 0 aligned, 1 oriented. Bits 0 to 28: distance from the first node of the BVH, in units of 64 bytes |
+//! | wide | bits 26 to 30: triangles or instances, less one. Bits 0 to 25: the first triangle, counted from that of the BVH; in the top level, an index into `instance_order` | bits 29 and 30: the kind, 0 aligned, 1 oriented. Bits 0 to 28: distance from the first node of the BVH, in units of 64 bytes |
 //!
 //! A binary node is two children. In a BVH with axis-aligned boxes ([`Strategy::Aabb`]) a node has 64 bytes and a child two rows: lower ends and word, upper
 //! ends and zero. In all others a node has 128 bytes and a child four rows: three times an axis and the half-extent along it, then center and word.
 //!
 //! A wide node has eight children, and a double row of eight numbers for each property. Aligned nodes have 256 bytes: lower and upper ends along
 //! x, along y, along z, the words, and unused numbers. Oriented nodes have 512 bytes: for each of three axes its x, y, z, the center along it, and
-//! the half-extent; then the words. A leaf in blocks uses halves of blocks, each of two triangles; see
-//! [`RawBvh`](canted_wide::RawBvh) for leaves of more than four triangles, which only the CPU builds.
+//! the half-extent; then the words. Only the CPU builds leaves of more than four triangles.
 //!
 //! # Guarantees
 //!
@@ -200,6 +199,7 @@ mod device;
 mod error;
 mod kernel;
 mod memory;
+mod pipelines;
 mod raster;
 mod staging;
 #[cfg(not(target_family = "wasm"))]

@@ -90,7 +90,7 @@ impl Gpu {
                 targets: &targets,
             }),
             multiview_mask: None,
-            cache: None,
+            cache: self.pipeline_cache(),
         });
         self.check()?;
         Ok(RasterPipeline { name: name.to_owned(), pipeline, bindings })

@@ -14,7 +14,7 @@
 //! * *Divisions of integers*: by constants.
 #![expect(unsafe_code, reason = "the functions of wgpu that skip checks")]
 
-use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
+use wgpu::{Device, PipelineCache, PipelineCacheDescriptor, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 
 /// Kernels whose text is this crate's and whose indices are proved.
 const PROVED: [&str; 3] = ["trace/certain_closest", "trace/certain_occluded", "trace/certain_weights"];
@@ -30,4 +30,12 @@ pub(crate) fn module(device: &Device, kernel: &str, descriptor: ShaderModuleDesc
     // SAFETY: the text is that of a kernel of `PROVED`, for which the front page of this module shows that no index is out of bounds, that every
     // loop ends, and that nothing is divided by zero.
     unsafe { device.create_shader_module_trusted(descriptor, ShaderRuntimeChecks::unchecked()) }
+}
+
+/// The pipelines in `data`, which an earlier run got from a driver; none where the driver does not know them.
+pub(crate) fn pipeline_cache(device: &Device, data: Option<&[u8]>) -> PipelineCache {
+    let descriptor = PipelineCacheDescriptor { label: Some("pipelines"), data, fallback: true };
+    // SAFETY: `data` is what `PipelineCache::get_data` returned: its file starts with a checksum (`pipelines`), and is in a folder of the user, who can
+    // change this program, too. The driver refuses what is of another device or version.
+    unsafe { device.create_pipeline_cache(&descriptor) }
 }

@@ -37,7 +37,7 @@ fn a_bare_scene_binds_few_buffers_and_few_bytes() {
     let names = |all: &[(String, u64)]| all.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
     assert_eq!(
         names(&bare),
-        ["bvhs", "lights", "materials", "nodes", "picture", "triangle_blocks", "triangles", "vertices"]
+        ["bvhs", "leaf_triangles", "lights", "materials", "nodes", "picture", "triangles", "vertices"]
     );
     let only_full: Vec<String> = names(&full).into_iter().filter(|name| bytes_of(&bare, name).is_none()).collect();
     assert_eq!(only_full, ["images", "instance_order", "instances", "placements", "slots", "texels_0"]);

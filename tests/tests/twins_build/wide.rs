@@ -140,15 +140,11 @@ impl Boxed<'_> {
     }
 }
 
-fn part(first: u32, n: u32) -> u32 {
-    if n <= 2 { first } else { first.next_multiple_of(2) }
-}
-
 fn leaf(first: u32, n: u32) -> u32 {
-    LEAF | (n - 1) << 26 | part(first, n)
+    LEAF | (n - 1) << 26 | first
 }
 
-/// The words of all nodes and blocks, as far as they are used, and the depth.
+/// The words of all nodes and triangles, as far as they are used, and the depth.
 fn expected(
     twins: &[Twin],
     ranges: &[Range],
@@ -163,7 +159,7 @@ fn expected(
             units.insert(range.first + slot, first_unit + i);
         }
     }
-    let (mut nodes, mut blocks) = (BTreeMap::new(), BTreeMap::new());
+    let (mut nodes, mut triangles) = (BTreeMap::new(), BTreeMap::new());
     for (number, ((boxed, (wide, _)), range)) in boxed.iter().zip(&trees).zip(ranges).enumerate() {
         let unit = |slot: u32| units[&(range.first + slot)];
         for (&slot, children) in wide {
@@ -191,19 +187,16 @@ fn expected(
         let n = range.count;
         let alone = (1..=MAX_LEAF).contains(&n).then_some((0, n));
         for (first, n) in leaves.chain(alone) {
-            let part = part(range.first + first, n) as usize;
-            for i in 0..n as usize {
-                let primitive = boxed.tree.leaves[first as usize + i];
-                let at = 40 * (part / 2) + 2 * (part % 2) + i;
+            for position in first..first + n {
+                let primitive = boxed.tree.leaves[position as usize];
                 let corners = flat_as_edge(twins[number].primitives[primitive.index()]);
-                for (row, x) in corners.as_flattened().iter().enumerate() {
-                    blocks.insert(at + 4 * row, x.to_bits());
-                }
-                blocks.insert(at + 36, primitive.0);
+                let words = words_of_triangle(&corners, primitive.0);
+                let at = 12 * (range.first + position) as usize;
+                triangles.extend(words.into_iter().enumerate().map(|(i, word)| (at + i, word)));
             }
         }
     }
-    (nodes, blocks, trees.iter().map(|tree| tree.1).max().unwrap_or(0))
+    (nodes, triangles, trees.iter().map(|tree| tree.1).max().unwrap_or(0))
 }
 
 /// The first difference between the words on the device and the CPU's.
@@ -224,17 +217,17 @@ fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(),
     let mut build = BuildEncoder::new(gpu);
     let built = Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
     let wide = WideBvhs::new(&mut build, &built, None).unwrap();
-    let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
+    let (nodes, triangles) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.triangles).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
     let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
-    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.primitives.ranges(), &first_units);
+    let (cpu_nodes, cpu_triangles, depth) = expected(twins, built.primitives.ranges(), &first_units);
     unequal("nodes", &nodes, &cpu_nodes)?;
-    unequal("blocks", &blocks, &cpu_blocks)?;
+    unequal("triangles", &triangles, &cpu_triangles)?;
     if wide.levels[0].depth != depth {
         return Err(format!("depth: {} for {depth}", wide.levels[0].depth));
     }
     for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
-        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.primitives)
+        check(&Wide { nodes: &nodes, leaves: &triangles, root }, &twin.primitives)
             .map_err(|error| format!("tree {index}: {error}"))?;
     }
     Ok(())
@@ -264,7 +257,7 @@ fn the_comparison_detects_other_boxes_and_trees() {
     let spoils: [(&str, Spoil); 3] = [
         ("nodes: ", |twin| twin.primitives[7][0][0] = 9.0),
         ("nodes: ", |twin| twin.tree.nodes.swap(3, 4)),
-        ("blocks: ", |twin| twin.tree.leaves.swap(10, 11)),
+        ("triangles: ", |twin| twin.tree.leaves.swap(10, 11)),
     ];
     for (index, (stage, spoil)) in spoils.into_iter().enumerate() {
         let there = || twins(&[soup(1, 4), soup(2, 9), icosphere(2)], Bits::B63);
@@ -283,7 +276,7 @@ fn repeated_collapses_give_the_same_words() {
         let mut build = BuildEncoder::new(&gpu);
         let built = Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default()).unwrap();
         let wide = WideBvhs::new(&mut build, &built, None).unwrap();
-        (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap(), wide.levels)
+        (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.triangles).unwrap(), wide.levels)
     };
     assert!(words() == words());
 }
@@ -298,12 +291,12 @@ fn oriented_nodes_enclose_their_triangles() {
         let config = BuildConfig { bits: Bits::B63, strategy };
         let built = Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }).unwrap();
         let wide = WideBvhs::new(&mut build, &built, None).unwrap();
-        let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
+        let (nodes, triangles) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.triangles).unwrap());
         let n_oriented: usize = twins
             .iter()
             .zip(&wide.levels[0].roots)
             .map(|(twin, &root)| {
-                let checked = check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.primitives);
+                let checked = check(&Wide { nodes: &nodes, leaves: &triangles, root }, &twin.primitives);
                 checked.unwrap_or_else(|error| panic!("{strategy:?}: {error}"))
             })
             .sum();
@@ -314,7 +307,8 @@ fn oriented_nodes_enclose_their_triangles() {
 /// Words of one BVH.
 pub(crate) struct Wide<'a> {
     pub(crate) nodes: &'a [[u32; 4]],
-    pub(crate) blocks: &'a [[u32; 4]],
+    /// Triangles in the order of leaves.
+    pub(crate) leaves: &'a [[u32; 4]],
     pub(crate) root: u32,
 }
 
@@ -341,7 +335,7 @@ pub(crate) fn check(wide: &Wide<'_>, triangles: &[Corners]) -> Result<usize, Str
             continue;
         }
         if word & LEAF != 0 {
-            for (id, corners) in check_leaf(wide.blocks, word)? {
+            for (id, corners) in check_leaf(wide.leaves, word)? {
                 let expected = triangles.get(id as usize).ok_or(format!("no triangle {id}"))?;
                 if corners != flat_as_edge(*expected) {
                     return Err(format!("triangle {id} has corners {corners:?} for {expected:?}"));
@@ -418,19 +412,17 @@ impl Volume {
 }
 
 /// Numbers and corners of the triangles of a check_leaf.
-fn check_leaf(blocks: &[[u32; 4]], word: u32) -> Result<Vec<(u32, Corners)>, String> {
-    let (n, part) = ((word >> 26 & 31) as usize + 1, (word & 0x03ff_ffff) as usize);
-    let words = blocks.as_flattened();
-    let triangle = |i: usize| {
-        let (at, step) =
-            if i / 8 * 8 + 4 >= n { (i / 4 * 40 + part % 2 * 2 + i % 4, 4) } else { (i / 8 * 80 + i % 8, 8) };
-        let word = |row: usize| words.get(part / 2 * 40 + at + row * step).copied();
-        let row = |row: usize| word(row).map(f32::from_bits);
-        let point = |k: usize| Some([row(3 * k)?, row(3 * k + 1)?, row(3 * k + 2)?]);
-        let corners = || Some((word(9)?, [point(0)?, point(1)?, point(2)?]));
-        corners().ok_or(format!("the check_leaf {word:x?} is outside of the blocks", word = part))
-    };
-    (0..n).map(triangle).collect()
+fn check_leaf(leaves: &[[u32; 4]], word: u32) -> Result<Vec<(u32, Corners)>, String> {
+    let (n, first) = ((word >> 26 & 31) as usize + 1, (word & 0x03ff_ffff) as usize);
+    let own = leaves.get(3 * first..3 * (first + n)).ok_or(format!("leaf {word:x} is outside of the triangles"))?;
+    let triangle = |quads: &[[u32; 4]; 3]| (quads[0][3], quads.map(|[x, y, z, _]| [x, y, z].map(f32::from_bits)));
+    Ok(own.as_chunks().0.iter().map(triangle).collect())
+}
+
+/// A triangle as leaves have it.
+fn words_of_triangle(corners: &Corners, number: u32) -> [u32; 12] {
+    let [a, b, c] = corners.map(|corner| corner.map(f32::to_bits));
+    [a[0], a[1], a[2], number, b[0], b[1], b[2], 0, c[0], c[1], c[2], 0]
 }
 
 /// Each flaw is found in what was right before.
@@ -441,33 +433,33 @@ fn flaws_are_found() {
             [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 1.0]]
         })
         .collect();
-    let (nodes, blocks) = by_hand(&triangles);
-    let checked = |nodes: &[u32], blocks: &[u32], root: u32| {
+    let (nodes, leaves) = by_hand(&triangles);
+    let checked = |nodes: &[u32], leaves: &[u32], root: u32| {
         let quads = |words: &[u32]| words.chunks(4).map(|quad| quad.try_into().unwrap()).collect::<Vec<[u32; 4]>>();
-        check(&Wide { nodes: &quads(nodes), blocks: &quads(blocks), root }, &triangles)
+        check(&Wide { nodes: &quads(nodes), leaves: &quads(leaves), root }, &triangles)
     };
-    assert_eq!(checked(&nodes, &blocks, 0), Ok(0));
+    assert_eq!(checked(&nodes, &leaves, 0), Ok(0));
     let flaw = |change: &dyn Fn(&mut Vec<u32>, &mut Vec<u32>)| {
-        let (mut nodes, mut blocks) = (nodes.clone(), blocks.clone());
-        change(&mut nodes, &mut blocks);
-        checked(&nodes, &blocks, 0).expect_err("the flaw is not seen")
+        let (mut nodes, mut leaves) = (nodes.clone(), leaves.clone());
+        change(&mut nodes, &mut leaves);
+        checked(&nodes, &leaves, 0).expect_err("the flaw is not seen")
     };
     assert!(flaw(&|nodes, _| nodes[8] = 3.9f32.to_bits()).contains("leaves the box"));
     assert!(flaw(&|nodes, _| nodes[49] = nodes[48]).contains("leaves the box"));
     assert!(flaw(&|nodes, _| nodes[49] = EMPTY).contains("children"));
     assert!(flaw(&|nodes, _| nodes[49] = 400).contains("no node"));
-    assert!(flaw(&|nodes, _| nodes[49] = LEAF | 400).contains("outside of the blocks"));
+    assert!(flaw(&|nodes, _| nodes[49] = LEAF | 400).contains("outside of the triangles"));
     assert!(flaw(&|nodes, _| nodes[49] = 0).contains("more nodes"));
     assert!(flaw(&|nodes, _| nodes[2] = 0).contains("empty slot"));
-    assert!(flaw(&|_, blocks| blocks[36] = 4).contains("has corners"));
-    assert!(flaw(&|_, blocks| blocks[3] = 7).contains("has corners"));
+    assert!(flaw(&|_, leaves| leaves[3] = 4).contains("has corners"));
+    assert!(flaw(&|_, leaves| leaves[12] = 7).contains("has corners"));
     assert!(flaw(&|nodes, _| nodes[48] &= !(1 << 26)).contains("triangle 3 is in 0 leaves"));
-    assert!(checked(&nodes, &blocks, EMPTY).unwrap_err().contains("triangle 0 is in 0 leaves"));
+    assert!(checked(&nodes, &leaves, EMPTY).unwrap_err().contains("triangle 0 is in 0 leaves"));
 }
 
 /// One node over a check_leaf of four triangles and one of one.
 fn by_hand(triangles: &[Corners]) -> (Vec<u32>, Vec<u32>) {
-    let (mut nodes, mut blocks) = (vec![0; 64], vec![0; 80]);
+    let mut nodes = vec![0; 64];
     for child in 0..8 {
         let planes = match child {
             0 => [[0.0, 4.0], [0.0, 1.0], [0.0, 1.0]],
@@ -477,14 +469,8 @@ fn by_hand(triangles: &[Corners]) -> (Vec<u32>, Vec<u32>) {
         for (row, x) in planes.as_flattened().iter().enumerate() {
             nodes[8 * row + child] = f32::to_bits(*x);
         }
-        nodes[48 + child] = [LEAF | 3 << 26, LEAF | 2].get(child).copied().unwrap_or(EMPTY);
+        nodes[48 + child] = [LEAF | 3 << 26, LEAF | 4].get(child).copied().unwrap_or(EMPTY);
     }
-    for (id, corners) in (0u32..).zip(triangles) {
-        let at = (id / 4 * 40 + id % 4) as usize;
-        for (row, x) in corners.as_flattened().iter().enumerate() {
-            blocks[at + 4 * row] = x.to_bits();
-        }
-        blocks[at + 36] = id;
-    }
-    (nodes, blocks)
+    let leaves = (0u32..).zip(triangles).flat_map(|(id, corners)| words_of_triangle(corners, id)).collect();
+    (nodes, leaves)
 }

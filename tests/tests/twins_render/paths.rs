@@ -183,7 +183,7 @@ fn a_bare_scene_binds_few_buffers() {
     bare.meshes.truncate(1);
     bare.instances.truncate(1);
     let expected =
-        ["bvhs", "light_probabilities", "materials", "nodes", "picture", "triangle_blocks", "triangles", "vertices"];
+        ["bvhs", "leaf_triangles", "light_probabilities", "materials", "nodes", "picture", "triangles", "vertices"];
     assert_eq!(bindings(&bare, &camera, Levels::One), expected);
 
     let all = bindings(&full, &camera, Levels::Two);

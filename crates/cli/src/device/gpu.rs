@@ -1,5 +1,7 @@
 //! GPUs, and the fallback to the CPU.
 
+use std::path::PathBuf;
+
 use anyhow::{Result, anyhow};
 use canted_gpu::{AdapterKind, Choice, DeviceBvh, Gpu, GpuError, TracedScene};
 use canted_renderer::{DeviceError, SceneBvhConfig, built_scene};
@@ -166,7 +168,18 @@ fn may_have_hardware() -> bool {
 }
 
 fn open_quietly(choice: &Choice) -> Result<Gpu, GpuError> {
-    quietly(|| Gpu::open(choice))
+    let mut gpu = quietly(|| Gpu::open(choice))?;
+    if let Some(folder) = pipelines_folder() {
+        gpu.keep_pipelines(&folder);
+    }
+    Ok(gpu)
+}
+
+/// Where compiled pipelines are kept: a folder among the user's caches.
+fn pipelines_folder() -> Option<PathBuf> {
+    use etcetera::BaseStrategy;
+    let caches = etcetera::choose_base_strategy().ok()?.cache_dir();
+    Some(caches.join("canted").join("pipelines"))
 }
 
 /// An error of opening an adapter, with the option that avoids it.

@@ -181,6 +181,33 @@ fn without_an_adapter_auto_selects_the_cpu_and_others_fail() {
     assert_eq!((run.stderr.as_str(), &run.json()["device"]), ("", &"cpu".into()));
 }
 
+/// Compiled pipelines are kept in the user's caches; a damaged file is replaced, and a folder that cannot be written does no harm.
+#[test]
+#[cfg(target_os = "linux")]
+fn pipelines_are_kept_between_runs() {
+    let Some(_) = adapter("pipelines_are_kept_between_runs") else { return };
+    let folder = Folder::with_small();
+    let caches = folder.path("caches");
+    let render = |caches: &str| {
+        folder.run_with(&format!("{DEVICES} gpu"), &[("XDG_CACHE_HOME", caches)]).done();
+        folder.bytes("a.png")
+    };
+    let kept = || {
+        let kept = std::fs::read_dir(caches.join("canted/pipelines")).unwrap().map(|entry| entry.unwrap().path());
+        let [file] = <[_; 1]>::try_from(kept.collect::<Vec<_>>()).unwrap();
+        (std::fs::read(&file).unwrap(), file)
+    };
+    let picture = render(caches.to_str().unwrap());
+    let (bytes, file) = kept();
+    assert!(bytes.starts_with(b"CANTEDP1"));
+    for damage in [&bytes[..bytes.len() - 1], b"", b"CANTEDP1 and no more"] {
+        std::fs::write(&file, damage).unwrap();
+        assert!(render(caches.to_str().unwrap()) == picture);
+        assert!(kept().0.starts_with(b"CANTEDP1") && kept().0.len() >= 16, "{} bytes", damage.len());
+    }
+    assert!(render("/dev/null/caches") == picture);
+}
+
 #[test]
 fn an_unknown_name_is_rejected_with_the_available_ones() {
     let Some(name) = adapter("an_unknown_name_is_rejected_with_the_available_ones") else { return };

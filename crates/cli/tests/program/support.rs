@@ -73,6 +73,8 @@ impl Folder {
         command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
         // Mesa's device selection reports its absence as an error, unless the program prevents it.
         command.env_remove("XDG_RUNTIME_DIR");
+        // Not the caches of whoever runs the tests.
+        command.env("XDG_CACHE_HOME", std::env::temp_dir().join("canted-test-caches"));
         command
     }
 

@@ -3,7 +3,7 @@
 //! ```text
 //! vertices of all meshes -> Primitives -> domain -> codes -> sort -> tree -> volumes       bottom levels
 //! root boxes, instances  -> Primitives -> the same stages                                  top level
-//! both                                                   -> wide nodes, triangle blocks
+//! both                                                   -> wide nodes, triangles in the order of leaves
 //! ```
 //!
 //! All trees of a level share the same dispatches. Their primitives are stored one tree after another, and the index of the tree is

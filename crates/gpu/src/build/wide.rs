@@ -1,8 +1,8 @@
-//! Collapse of binary trees into eight-wide nodes and triangle blocks.
+//! Collapse of binary trees into eight-wide nodes.
 //!
 //! ```text
 //! Built -> levels of wide nodes, from the roots -> order in memory -> nodes
-//!       -> leaves of several triangles ----------------------------> blocks
+//!       -> triangles in the order of leaves -----------------------> triangles
 //! ```
 //!
 //! A wide node is opened by area: the child with the largest box is replaced by its two children until there are eight. The order
@@ -21,17 +21,17 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
 /// Most triangles of a leaf: those that a ray tests at once.
 pub const MAX_LEAF: u32 = 4;
 
-/// Quads of a unit of memory, which is an aligned node or half an oriented one, and of four triangles.
+/// Quads of a unit of memory, which is an aligned node or half an oriented one, and of a triangle.
 const UNIT_QUADS: u32 = 16;
-const HALF_QUADS: u32 = 10;
+const TRIANGLE_QUADS: usize = 3;
 
-/// Eight-wide BVHs in device memory, in the layout of [`RawBvh`](canted_wide::RawBvh): those over triangles, then that over
+/// Eight-wide BVHs in device memory, with the nodes of [`RawBvh`](canted_wide::RawBvh): those over triangles, then that over
 /// instances.
 pub struct WideBvhs {
     /// Nodes, in quads of words.
     pub nodes: Buffer<[u32; 4]>,
-    /// Triangles, in blocks of ten quads.
-    pub blocks: Buffer<[u32; 4]>,
+    /// Triangles in the order of leaves, three quads each: a vertex in each, and the number in the last word of the first.
+    pub triangles: Buffer<[u32; 4]>,
     /// The levels that were collapsed: over triangles, and over instances if there are any.
     pub levels: Vec<WideLevel>,
     /// Whether nodes over triangles may be oriented.
@@ -114,7 +114,7 @@ impl WideBvhs {
         });
         let parts: Vec<_> = parts.collect();
         let nodes = gpu.zeroed("wide nodes", n_units as usize * UNIT_QUADS as usize)?;
-        let blocks = gpu.zeroed("triangle blocks", (n as usize).div_ceil(2) * HALF_QUADS as usize)?;
+        let triangles = gpu.zeroed("triangles of leaves", TRIANGLE_QUADS * n as usize)?;
         let mut collapse = Collapse { levels: vec![] };
         let mut levels = vec![];
         for (number, (built, capacity, first_unit)) in parts.into_iter().enumerate() {
@@ -123,14 +123,14 @@ impl WideBvhs {
             let depth = level.count_and_find(build, built).await?;
             levels.push(WideLevel { roots, first_quad: UNIT_QUADS * first_unit, depth });
             collapse.levels.push(level);
-            collapse.put(build, built, number, (&nodes, &blocks), all(built))?;
+            collapse.put(build, built, number, (&nodes, &triangles), all(built))?;
         }
-        Ok(Self { nodes, blocks, levels, is_oriented: bottom.obbs.is_some(), collapse })
+        Ok(Self { nodes, triangles, levels, is_oriented: bottom.obbs.is_some(), collapse })
     }
 }
 
 impl Collapse {
-    /// Writes nodes and blocks of trees of a level again, after their binary trees have changed. Reads nothing back.
+    /// Writes nodes and triangles of trees of a level again, after their binary trees have changed. Reads nothing back.
     pub(crate) fn put_again(
         &self,
         build: &mut BuildEncoder<'_>,
@@ -145,17 +145,17 @@ impl Collapse {
         self.put(build, built, level, words, trees)
     }
 
-    /// Writes nodes and blocks.
+    /// Writes nodes and triangles.
     fn put(
         &self,
         build: &mut BuildEncoder<'_>,
         built: &Built,
         level: usize,
-        (nodes, blocks): (&Buffer<[u32; 4]>, &Buffer<[u32; 4]>),
+        (nodes, triangles): (&Buffer<[u32; 4]>, &Buffer<[u32; 4]>),
         trees: [u32; 2],
     ) -> Result<(), GpuError> {
         self.levels[level].put(build, built, nodes, trees)?;
-        if built.primitives.corners().is_some() { put_blocks(build, built, blocks, trees) } else { Ok(()) }
+        if built.primitives.corners().is_some() { put_triangles(build, built, triangles, trees) } else { Ok(()) }
     }
 }
 
@@ -164,21 +164,16 @@ fn all(built: &Built) -> [u32; 2] {
     [0, super::count(built.primitives.ranges().len())]
 }
 
-fn put_blocks(
+fn put_triangles(
     build: &mut BuildEncoder<'_>,
     built: &Built,
-    blocks: &Buffer<[u32; 4]>,
+    triangles: &Buffer<[u32; 4]>,
     trees: [u32; 2],
 ) -> Result<(), GpuError> {
     let gpu = build.gpu();
-    let bound = built.primitives.bound(&[
-        ("nodes", &built.trees.nodes),
-        ("parents", &built.trees.parents),
-        ("leaves", &built.leaves),
-        ("wide_blocks", blocks),
-    ]);
-    build.stage("wide blocks", |dispatches| {
-        let kernel = gpu.kernel("build/wide_blocks", &Variant::none().number("MAX_LEAF", MAX_LEAF))?;
+    let bound = built.primitives.bound(&[("leaves", &built.leaves), ("wide_triangles", triangles)]);
+    build.stage("wide triangles", |dispatches| {
+        let kernel = gpu.kernel("build/wide_triangles", &Variant::none())?;
         dispatches.range(&kernel, &bound, built.primitives.of_trees(trees))
     })
 }
@@ -470,11 +465,8 @@ impl Capacity {
     fn roots(&self, ranges: &[Range]) -> Vec<u32> {
         let root = |(range, &first_unit): (&Range, &u32)| match range.count {
             0 => EMPTY,
-            n if n <= self.max_leaf => {
-                // As in `shared/build.wgsl`.
-                let part = if n <= 2 { range.first } else { range.first + (range.first & 1) };
-                LEAF | (n - 1) << 26 | part
-            }
+            // As in `shared/build.wgsl`.
+            n if n <= self.max_leaf => LEAF | (n - 1) << 26 | range.first,
             _ => 4 * first_unit,
         };
         ranges.iter().zip(&self.first_units).map(root).collect()

@@ -12,6 +12,7 @@ use canted_wide::{RawBvh, TriangleBvh};
 
 use super::TracedScene;
 use super::layout::{BvhHeader, EMPTY, LEAF, Quad};
+use super::leaf_triangles::in_blocks;
 use super::nodes::{Nodes, WideNodes};
 use crate::{Gpu, GpuError, wait::block_on};
 
@@ -86,20 +87,21 @@ impl TracedScene {
                 };
                 read.bvh(&header).map(DownloadedBvh::Binary).map_err(flawed)
             }
-            Nodes::Wide(WideNodes { nodes, halves, .. }) => {
-                let [nodes, blocks] = [gpu.read_async(nodes).await?, gpu.read_async(halves).await?];
-                wide(&nodes, &blocks, &header).map(DownloadedBvh::Wide).map_err(flawed)
+            Nodes::Wide(WideNodes { nodes, triangles, .. }) => {
+                let [nodes, triangles] = [gpu.read_async(nodes).await?, gpu.read_async(triangles).await?];
+                wide(&nodes, &triangles, &header).map(DownloadedBvh::Wide).map_err(flawed)
             }
         }
     }
 }
 
 /// A wide BVH in these words.
-fn wide(nodes: &[Quad], blocks: &[Quad], header: &BvhHeader) -> Result<TriangleBvh, String> {
-    let [root, first_quad, first_block, _] = header.words;
-    let from = |quads: &[Quad], first: u32| quads.get(first as usize..).map(|own| own.as_flattened().to_vec());
-    let (nodes, blocks) =
-        from(nodes, first_quad).zip(from(blocks, first_block)).ok_or("it starts beyond its memory")?;
+fn wide(nodes: &[Quad], triangles: &[Quad], header: &BvhHeader) -> Result<TriangleBvh, String> {
+    let [mut root, first_quad, first_triangle, _] = header.words;
+    let own = nodes.get(first_quad as usize..).zip(triangles.get(first_triangle as usize..));
+    let (nodes, triangles) = own.ok_or("it starts beyond its memory")?;
+    let mut nodes = nodes.as_flattened().to_vec();
+    let blocks = in_blocks(&mut nodes, &mut root, triangles)?;
     let frame = header.rows.map(|[x, y, z, _]| [x, y, z]);
     let raw =
         RawBvh { nodes: nodes.into(), blocks: &blocks, order: &[], root, depth: 0, frame, reach: header.rows[0][3] };

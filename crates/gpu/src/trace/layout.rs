@@ -14,7 +14,7 @@ const ROUNDING: f32 = f32::EPSILON;
 /// transform; derived in `shared/triangle.wgsl`.
 pub const HIT_ERROR: f32 = 64.0 * ROUNDING;
 
-/// Four words, the unit in which kernels read nodes and blocks.
+/// Four words, the unit in which kernels read nodes and triangles.
 pub(super) type Quad = [u32; 4];
 
 /// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
@@ -63,7 +63,7 @@ pub(super) fn is_aligned(nodes: &[Quad], root: u32) -> bool {
 pub(super) struct BvhHeader {
     /// Rows of the mesh's frame. Fourth components: the largest coordinate, the relative and the constant error of hits.
     pub(super) rows: [[f32; 4]; 3],
-    /// Root, first quad of the nodes and of the blocks, whether the frame is rotated.
+    /// Root, first quad of the nodes and of the triangles, whether the frame is rotated.
     pub(super) words: Quad,
 }
 
@@ -85,7 +85,7 @@ impl HitError {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Start {
     pub(super) node: u32,
-    pub(super) block: u32,
+    pub(super) triangle: u32,
 }
 
 impl BvhHeader {
@@ -94,7 +94,7 @@ impl BvhHeader {
         let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
         Self {
             rows: [with(x, words.reach), with(y, error.per_origin), with(z, error.fixed)],
-            words: [words.root, start.node, start.block, u32::from(words.frame != Obb::IDENTITY_FRAME)],
+            words: [words.root, start.node, start.triangle, u32::from(words.frame != Obb::IDENTITY_FRAME)],
         }
     }
 

@@ -10,6 +10,7 @@
 
 mod layout;
 
+mod leaf_triangles;
 mod octants;
 mod undecided;
 

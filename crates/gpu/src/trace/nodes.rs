@@ -1,7 +1,7 @@
 //! The nodes of BVHs in device memory: wide ones that the CPU built, and binary and wide ones that the device builds, and may write again.
 //!
 //! ```text
-//! RawBvh of each mesh    -> upload            -> WideNodes
+//! UploadedBvh of each mesh -> upload          -> WideNodes
 //! trees of build::Built  -> build/pairs       -> Pairs
 //!                        -> build::WideBvhs   -> WideNodes
 //! ```
@@ -10,9 +10,9 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::{Bits, Corners, Strategy};
-use canted_wide::RawBvh;
 
 use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
+use super::leaf_triangles::UploadedBvh;
 use crate::build::{
     BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig, WideLevel,
     depth_bound,
@@ -43,7 +43,7 @@ pub(super) const MAX_STACK: u32 = 128;
 ///
 /// | BVHs | most triangles in 128 MiB |
 /// |---|---|
-/// | wide, axis-aligned | 1.7 million |
+/// | wide, axis-aligned | 2.3 million |
 /// | wide with oriented nodes | 1.1 million |
 /// | binary, axis-aligned | 2.1 million |
 /// | binary, oriented | 1.0 million |
@@ -58,8 +58,13 @@ pub enum DeviceBvh {
     Wide(WideConfig),
 }
 
-/// Stacks have a multiple of so many entries, because a stack of another size is another kernel.
-pub(super) const DEPTH_STEP: u32 = 8;
+/// Least entries of a stack.
+const LEAST_STACK: u32 = 16;
+
+/// Entries of a stack for BVHs of a depth: few sizes, because a stack of another size is another kernel, which a driver compiles.
+pub(super) fn stack_size(depth: u32) -> u32 {
+    depth.next_power_of_two().max(LEAST_STACK)
+}
 
 /// The top level has short codes: its cells are still a thousandth of the scene, and the stack of a ray is shallower.
 const TOP_BITS: Bits = Bits::B30;
@@ -180,13 +185,11 @@ impl NewNodes {
     pub(super) fn depth_bound(&self, bvh: DeviceBvh, bottom: &Built, top: Option<&Built>) -> u32 {
         let most = bottom.primitives.ranges().iter().map(|range| range.count).max().unwrap_or(0);
         let n_top = top.map_or(0, |top| top.primitives.len());
-        let depth = match self.nodes {
+        match self.nodes {
             Nodes::Binary(_) => bvh.depth(most, n_top),
             // A clustered tree may be deeper than a radix tree.
             Nodes::Wide(_) => bvh.depth(most, n_top).max(self.depths[0] + depth_bound(n_top, TOP_BITS)),
-        };
-        let stepped = depth.next_multiple_of(DEPTH_STEP);
-        if stepped <= MAX_STACK { stepped } else { depth }
+        }
     }
 }
 
@@ -350,10 +353,11 @@ impl Pairs {
     }
 }
 
-/// Nodes and triangle blocks of wide BVHs.
+/// Nodes and triangles of wide BVHs.
 pub(super) struct WideNodes {
     pub(super) nodes: Buffer<Quad>,
-    pub(super) halves: Buffer<Quad>,
+    /// Three quads for each triangle.
+    pub(super) triangles: Buffer<Quad>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
     /// What it takes to write them again, where the device does.
@@ -362,20 +366,23 @@ pub(super) struct WideNodes {
 
 impl WideNodes {
     /// Uploads BVHs that the CPU built; also returns their headers.
-    pub(super) fn uploaded(gpu: &Gpu, bvhs: &[(&RawBvh<'_>, HitError)]) -> Result<(Self, Vec<BvhHeader>), GpuError> {
-        let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| &*words.nodes).collect();
-        let blocks: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.blocks).collect();
+    pub(super) fn uploaded(
+        gpu: &Gpu,
+        bvhs: &[(UploadedBvh<'_>, HitError)],
+    ) -> Result<(Self, Vec<BvhHeader>), GpuError> {
+        let nodes: Vec<&[Quad]> = bvhs.iter().map(|(bvh, _)| quads(&bvh.words.nodes)).collect();
+        let triangles: Vec<&[Quad]> = bvhs.iter().map(|(bvh, _)| bvh.triangles.as_flattened()).collect();
         let mut start = Start::default();
-        let headers = bvhs.iter().map(|(words, error)| {
-            let header = BvhHeader::new(words, start, *error);
-            start = start.after(n_quads(gpu, &words.nodes), n_quads(gpu, words.blocks));
+        let headers = bvhs.iter().zip(&nodes).zip(&triangles).map(|(((bvh, error), nodes), triangles)| {
+            let header = BvhHeader::new(&bvh.words, start, *error);
+            start = start.after(n_quads(gpu, nodes), n_quads(gpu, triangles));
             header
         });
         let headers: Vec<BvhHeader> = headers.collect();
         let wide = Self {
             nodes: joined(gpu, "nodes", &nodes)?,
-            halves: joined(gpu, "triangle blocks", &blocks)?,
-            is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
+            triangles: joined(gpu, "triangles of leaves", &triangles)?,
+            is_aligned: bvhs.iter().all(|(bvh, _)| is_aligned(quads(&bvh.words.nodes), bvh.words.root)),
             collapse: None,
         };
         Ok((wide, headers))
@@ -383,8 +390,8 @@ impl WideNodes {
 
     /// Those that the device built, and can write again.
     fn built(bvhs: WideBvhs) -> Self {
-        let WideBvhs { nodes, blocks, is_oriented, collapse, .. } = bvhs;
-        Self { nodes, halves: blocks, is_aligned: !is_oriented, collapse: Some(collapse) }
+        let WideBvhs { nodes, triangles, is_oriented, collapse, .. } = bvhs;
+        Self { nodes, triangles, is_aligned: !is_oriented, collapse: Some(collapse) }
     }
 
     /// Writes those of a range of trees of a level again.
@@ -401,12 +408,11 @@ impl WideNodes {
         let Some(collapse) = &self.collapse else {
             return Err(GpuError::Unsupported { what: "an update of wide BVHs that were built once".to_owned() });
         };
-        collapse.put_again(build, level, (&self.nodes, &self.halves), (trees, change))
+        collapse.put_again(build, level, (&self.nodes, &self.triangles), (trees, change))
     }
 
     fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        // The same buffer in quads and in words.
-        vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves), ("triangle_words", &self.halves)]
+        vec![("nodes", &self.nodes), ("leaf_triangles", &self.triangles)]
     }
 
     fn specialize(&self, chosen: Variant) -> Variant {
@@ -415,40 +421,40 @@ impl WideNodes {
     }
 
     fn n_bytes(&self) -> u64 {
-        self.nodes.n_bytes() + self.halves.n_bytes()
+        self.nodes.n_bytes() + self.triangles.n_bytes()
     }
 }
 
 impl Start {
-    /// Start of the BVH after one with so many quads of nodes and of blocks.
-    fn after(self, nodes: usize, blocks: usize) -> Self {
-        Self { node: self.node.wrapping_add(nodes as u32), block: self.block.wrapping_add(blocks as u32) }
+    /// Start of the BVH after one with so many quads of nodes and of triangles.
+    fn after(self, nodes: usize, triangles: usize) -> Self {
+        Self { node: self.node.wrapping_add(nodes as u32), triangle: self.triangle.wrapping_add(triangles as u32) }
     }
 }
 
-/// Quads that a BVH with these words gets: in a sequence of frames some more than it has, so that those after it stay in their places
+/// Quads that a BVH with these gets: in a sequence of frames some more than it has, so that those after it stay in their places
 /// while it changes.
-fn n_quads(gpu: &Gpu, words: &[u32]) -> usize {
-    let n = quads(words).len();
+fn n_quads(gpu: &Gpu, quads: &[Quad]) -> usize {
+    let n = quads.len();
     if gpu.keeps_buffers() { n.next_multiple_of((n.next_power_of_two() / 8).max(LINE_QUADS)) } else { n }
 }
 
-/// The words of all BVHs, each in its place.
-fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuError> {
+/// The quads of all BVHs, each in its place.
+fn joined(gpu: &Gpu, what: &str, parts: &[&[Quad]]) -> Result<Buffer<Quad>, GpuError> {
     if let ([one], false) = (parts, gpu.keeps_buffers()) {
-        return gpu.buffer(what, quads(one));
+        return gpu.buffer(what, one);
     }
     let mut all: Vec<Quad> = Vec::with_capacity(parts.iter().map(|part| n_quads(gpu, part)).sum());
     for part in parts {
         let end = all.len() + n_quads(gpu, part);
-        all.extend_from_slice(quads(part));
+        all.extend_from_slice(part);
         all.resize(end, Quad::default());
     }
     gpu.read_only(what, &all)
 }
 
-/// Words in groups of four. Lines and blocks contain whole quads.
-fn quads<T: Pod>(words: &[T]) -> &[Quad] {
+/// Words in groups of four. Lines contain whole quads.
+fn quads(words: &[u32]) -> &[Quad] {
     bytemuck::cast_slice(words)
 }
 

@@ -9,7 +9,8 @@ use canted_wide::{RawBvh, TriangleBvh};
 
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
-use super::nodes::{DEPTH_STEP, DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes};
+use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
+use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
 use super::tables::{Level, Tables};
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
@@ -154,8 +155,8 @@ impl TracedScene {
             Levels::One(first_triangles) => {
                 check_coordinates(|| "the scene".to_owned(), meshes[0].0.reach.into())?;
                 check_depth(deepest)?;
-                let words = by_octants(&meshes[0].0);
-                let (nodes, headers) = WideNodes::uploaded(gpu, &[(&words, HitError::of_triangles(words.reach))])?;
+                let bvh = over_triangles(&meshes[0].0)?;
+                let (nodes, headers) = WideNodes::uploaded(gpu, &[(bvh, HitError::of_triangles(meshes[0].0.reach))])?;
                 let level = Level::flat(first_triangles);
                 return Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await;
             }
@@ -165,11 +166,12 @@ impl TracedScene {
         let words = by_octants(&outer.bvh.raw());
         let depth = words.depth + deepest;
         check_depth(depth)?;
-        let ordered: Vec<_> = meshes.iter().map(|(words, _)| by_octants(words)).collect();
-        let bvhs = ordered.iter().map(|words| (words, HitError::of_triangles(words.reach)));
-        let all: Vec<_> = std::iter::once((&words, outer.packing.error)).chain(bvhs).collect();
-        let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
         let order = outer.order(&words);
+        let mut all = vec![(UploadedBvh::over_instances(words), outer.packing.error)];
+        for (words, _) in meshes {
+            all.push((over_triangles(words)?, HitError::of_triangles(words.reach)));
+        }
+        let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
         Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await
     }
 
@@ -228,8 +230,6 @@ impl TracedScene {
         depth: u32,
     ) -> Result<Self, GpuError> {
         check_depth(depth)?;
-        // A stack of another size is another kernel.
-        let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
         let max_iterations = iteration_limit(longest_loop(gpu).await?);
         let tables = Tables::new(gpu, headers, level, nodes.are_final())?;
         let (has_masks, n_exact_rays) = (level.has_masks(), AtomicU64::new(0));
@@ -264,7 +264,7 @@ impl TracedScene {
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.part("level", self.tables.part()).number("MAX_ITERATIONS", self.max_iterations);
-        self.nodes.specialize(chosen).number("STACK_SIZE", self.depth.max(1))
+        self.nodes.specialize(chosen).number("STACK_SIZE", stack_size(self.depth))
     }
 
     /// `chosen` for a kernel of `shared/certain`; `None` for binary BVHs, which need exact kernels for all rays.
@@ -313,6 +313,18 @@ impl TracedScene {
 /// the leaf in which an invocation reaches the limit.
 fn iteration_limit(counted: u32) -> u32 {
     if counted < LONG_LOOP { counted / LANES / 16 * 15 } else { MAX_ITERATIONS }
+}
+
+/// A BVH over triangles as it is uploaded.
+fn over_triangles<'a>(words: &RawBvh<'a>) -> Result<UploadedBvh<'a>, GpuError> {
+    let bvh = UploadedBvh::over_triangles(by_octants(words));
+    let n = bvh.triangles.len();
+    if n > MOST_TRIANGLES {
+        return Err(GpuError::Unsupported {
+            what: format!("a wide BVH with {n} triangles in its leaves, more than 2^26"),
+        });
+    }
+    Ok(bvh)
 }
 
 /// Rejects BVHs that are too deep for a stack.

@@ -118,7 +118,7 @@ fn updates_of_what_stands_still_change_no_word() {
         queue.submit([encoder.finish()]);
     };
     let words = |scene: &InstancedScene| {
-        ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| words(&gpu, scene.traced(), name))
+        ["nodes", "leaf_triangles", "corners", "bvhs"].map(|name| words(&gpu, scene.traced(), name))
     };
     let binary = STRATEGIES.map(|strategy| DeviceBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {
