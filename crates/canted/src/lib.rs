@@ -63,8 +63,9 @@ pub mod instance {
 pub mod kernel {
     pub use canted_trace::{
         AcceptAt, Answer, Answers, BaldwinWeber, Cone, Counts, Disk, Ellipsoid, HIT_ERROR, HitLists, Kernel,
-        LeafTriangles, Leaves, MollerTrumbore, Projected, Query, ReferencePoint, RoundCubic, RoundSegment, ScaledRay,
-        SlabRay, Slabs, Sphere, TriangleHit, Watertight, position_error, ray_aabb, ray_obb,
+        LeafTriangles, Leaves, MollerTrumbore, Projected, Query, ReferencePoint, RibbonCubic, RibbonSegment,
+        RoundCubic, RoundSegment, ScaledRay, SlabRay, Slabs, Sphere, TriangleHit, Watertight, position_error, ray_aabb,
+        ray_obb,
     };
     pub use canted_wide::{PrimitiveHit, TraversalCounts};
 }

@@ -33,7 +33,7 @@
 //! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
-//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`Disk`], [`Cone`], [`Ellipsoid`], [`segment_overlaps_aabb`] | single tests |
+//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`RibbonSegment`], [`RibbonCubic`], [`Disk`], [`Cone`], [`Ellipsoid`], [`segment_overlaps_aabb`] | single tests |
 //!
 //! # Guarantees
 //! A triangle kernel reports points within [`HIT_ERROR`] of the exact triangle. A box test reports every ray that comes
@@ -69,6 +69,8 @@ mod quadrics;
 mod query;
 mod ray;
 mod reference;
+mod ribbon;
+mod ribbon_cubic;
 mod round_cubic;
 mod round_segment;
 mod rounding;
@@ -94,6 +96,8 @@ pub use quadrics::{Cone, Disk, Ellipsoid};
 pub use query::{Accept, Counts, Mapped, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
+pub use ribbon::{RibbonPoint, RibbonSegment};
+pub use ribbon_cubic::RibbonCubic;
 pub use round_cubic::{CurvePoint, RoundCubic};
 pub use round_segment::{RoundSegment, SegmentPoint};
 pub use shapes::{Sphere, segment_overlaps_aabb};

@@ -1,8 +1,10 @@
-//! Round segments, round cubic curves and spheres at their limits: thin, of changing radius, bent more than they are thick, far away and tiny.
+//! Round segments, round cubic curves, ribbons and spheres at their limits: thin, of changing radius, bent more than they are thick, far away and tiny.
 
 use canted_fixtures::SplitMix64;
 use canted_obb::PrimId;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Ray, RoundCubic, RoundSegment, ScaledRay, Sphere};
+use canted_trace::{
+    HIT_ERROR, Hit, InstanceId, Intersect, Ray, RibbonCubic, RibbonSegment, RoundCubic, RoundSegment, ScaledRay, Sphere,
+};
 use canted_wide::{Preset, Primitive, PrimitiveHit, SimdPath, WideBvh};
 
 use super::{Oracle, Promise, Row, hierarchy::SAME};
@@ -17,8 +19,11 @@ const EVEN: &str = "a line enters a closed chain as often as it leaves it";
 /// A ball: center and radius.
 type Ball = [f64; 4];
 
-/// A primitive that is a union of balls.
+/// A primitive that is a union of balls, or in it.
 trait Balls: Primitive + Clone {
+    /// Whether it is the union. A ribbon is in it, and lines between its ends and those of the balls miss it.
+    const IS_UNION: bool = true;
+
     /// The ball at a position in 0..=1.
     fn ball(&self, at: f64) -> Ball;
 
@@ -61,6 +66,24 @@ impl Balls for RoundCubic {
 
     fn ball(&self, s: f64) -> Ball {
         self.ball(s).0
+    }
+}
+
+impl Balls for RibbonSegment {
+    const IS_UNION: bool = false;
+    const N_PARTS: u32 = 1;
+
+    fn ball(&self, s: f64) -> Ball {
+        RoundSegment { ends: self.ends, radii: self.radii }.ball(s)
+    }
+}
+
+impl Balls for RibbonCubic {
+    const IS_UNION: bool = false;
+    const N_PARTS: u32 = 64;
+
+    fn ball(&self, s: f64) -> Ball {
+        Balls::ball(&RoundCubic { points: self.points, radii: self.radii }, s)
     }
 }
 
@@ -127,6 +150,17 @@ fn cubics(rng: &mut SplitMix64, place: Place, form: Form, radii: [f32; 4]) -> Ve
         RoundCubic { points, radii: radii.map(|radius| place.scale * radius) }
     };
     (0..40).map(curve).collect()
+}
+
+/// The ribbon with the silhouette of a segment, followed by one at a right angle.
+fn ribbon(segment: &RoundSegment) -> RibbonSegment {
+    let RoundSegment { ends: [a, b], radii } = *segment;
+    RibbonSegment { ends: [a, b], radii, next: [b[0] + (b[1] - a[1]), b[1] - (b[0] - a[0]), b[2]] }
+}
+
+/// The ribbon with the silhouette of a curve, followed by one that leads back to its start.
+fn cubic_ribbon(curve: &RoundCubic) -> RibbonCubic {
+    RibbonCubic { points: curve.points, radii: curve.radii, next: curve.points[0] }
 }
 
 /// Rays at the middle, the silhouette and beside of balls, from outside and within.
@@ -203,9 +237,13 @@ fn rows_of<P: Balls>(case: &'static str, place: Place, [all, tested]: [&[P]; 2],
     let hits = || rays.iter().zip(&wants).filter_map(|(ray, hit)| Some((ray, hit.as_ref()?)));
     let off = |(ray, hit): (&Ray, &Hit)| {
         let primitive = &all[hit.primitive.index()];
-        primitive.distance(ray.at(f64::from(hit.t))).abs() / error(primitive, ray)
+        let distance = primitive.distance(ray.at(f64::from(hit.t)));
+        (if P::IS_UNION { distance.abs() } else { distance.max(0.0) }) / error(primitive, ray)
     };
     rows.push(near.row("the primitive's test", hits().count(), hits().map(off).fold(0.0, f64::max)));
+    if !P::IS_UNION {
+        return rows;
+    }
     let through = |ray: &Ray| all.iter().any(|primitive| passes(primitive, ray));
     let certain: Vec<_> = rays.iter().zip(&wants).filter(|(ray, _)| through(ray)).collect();
     let n_lost = certain.iter().filter(|(_, want)| want.is_none()).count();
@@ -216,6 +254,11 @@ fn rows_of<P: Balls>(case: &'static str, place: Place, [all, tested]: [&[P]; 2],
 /// The name of a case at a place; rows refer to it for as long as the program runs.
 fn leaked(case: &str, place: Place) -> &'static str {
     Box::leak(format!("{case}, {}", place.name).into_boxed_str())
+}
+
+/// The name of the same case of ribbons.
+fn leaked_ribbons(case: &str) -> &'static str {
+    Box::leak(format!("ribbons: {case}").into_boxed_str())
 }
 
 /// A closed chain: each segment is a solid, so that all of its entries and exits are as many.
@@ -259,11 +302,15 @@ pub fn rows(effort: usize) -> Vec<Row> {
             let all = segments(&mut rng, place, length, radii);
             let rays = rays(&mut rng, place, &all, 300 * effort);
             rows.extend(rows_of(case, place, [&all; 2], &rays));
+            let ribbons: Vec<_> = all.iter().map(ribbon).collect();
+            rows.extend(rows_of(leaked_ribbons(case), place, [&ribbons; 2], &rays));
         }
         for (case, form, radii) in CUBICS {
             let all = cubics(&mut rng, place, form, radii);
             let rays = rays(&mut rng, place, &all, 60 * effort);
             rows.extend(rows_of(case, place, [&all; 2], &rays));
+            let ribbons: Vec<_> = all.iter().map(cubic_ribbon).collect();
+            rows.extend(rows_of(leaked_ribbons(case), place, [&ribbons; 2], &rays));
         }
         let sphere = |_| Sphere { center: point(&mut rng, place, 1.0), radius: place.scale * 0.05 };
         let all: Vec<Sphere> = (0..120).map(sphere).collect();
@@ -288,5 +335,16 @@ mod tests {
         let rays = rays(&mut rng, PLACES[0], &all, 300);
         assert!(rows_of(case, PLACES[0], [&all; 2], &rays).iter().all(Row::holds));
         assert!(rows_of(case, PLACES[0], [&all, &thinner], &rays).iter().all(Row::is_broken));
+    }
+
+    #[test]
+    fn wider_ribbons_break_every_promise() {
+        let mut rng = SplitMix64::new(1);
+        let (case, form, radii) = CUBICS[0];
+        let all: Vec<_> = cubics(&mut rng, PLACES[0], form, radii).iter().map(cubic_ribbon).collect();
+        let wider: Vec<_> = all.iter().map(|ribbon| RibbonCubic { radii: radii.map(|r| 2.0 * r), ..*ribbon }).collect();
+        let rays = rays(&mut rng, PLACES[0], &all, 300);
+        assert!(rows_of(case, PLACES[0], [&all; 2], &rays).iter().all(Row::holds));
+        assert!(rows_of(case, PLACES[0], [&all, &wider], &rays).iter().all(Row::is_broken));
     }
 }

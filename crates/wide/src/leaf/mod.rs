@@ -3,6 +3,7 @@
 mod extents;
 mod primitive;
 mod quadrics;
+mod ribbons;
 mod shapes;
 mod triangles;
 
