@@ -6,11 +6,11 @@ use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, SpatialConfig, Split, TopDownConfig};
-use canted_scene::{CurveSegments, Curves, Mesh};
+use canted_scene::{CurveSegments, CurveShape, Curves, Mesh};
 use canted_tlas::TopConfig;
 use canted_trace::{
-    AcceptAt, Answers, HIT_ERROR, Hit, InstanceId, Intersect, PlacedRay, Query, Ray, RoundCubic, RoundSegment,
-    ScaledRay, TriangleTest, pad_aabb,
+    AcceptAt, Answers, HIT_ERROR, Hit, InstanceId, Intersect, PlacedRay, Query, Ray, RibbonCubic, RibbonSegment,
+    RoundCubic, RoundSegment, ScaledRay, TriangleTest, pad_aabb,
 };
 use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, Preset, RefitError, Sizes, TriangleBvh, WideBvh};
 
@@ -265,8 +265,8 @@ impl SceneBvhConfig {
     /// Builds the BVH of a mesh.
     pub(crate) fn build(&self, of: Triangles) -> Result<BottomLevel, PrepareError> {
         let Triangles { positions, close, triangles, curves } = of;
-        if let Some(curves) = curves {
-            return self.build_curves(positions, curves);
+        if let Some((mesh, curves)) = curves {
+            return self.build_curves(mesh, curves);
         }
         if let Some(close) = close {
             if self.kind != BvhKind::Wide {
@@ -288,25 +288,43 @@ impl SceneBvhConfig {
         }
     }
 
-    /// The BVH over the segments of curves.
+    /// The BVH over the segments of the curves of a mesh.
     fn build_curves(
         &self,
-        positions: &[[f32; 3]],
-        Curves { radii, segments }: &Curves,
+        mesh: &Mesh,
+        Curves { radii, segments, shape }: &Curves,
     ) -> Result<BottomLevel, PrepareError> {
         if self.kind != BvhKind::Wide || self.builder.is_some() {
             return Err(PrepareError::Curves);
         }
-        let point = |i: u32| positions[i as usize];
+        let point = |i: u32| mesh.positions[i as usize];
         let radius = |i: u32| radii[i as usize];
-        Ok(match segments {
-            CurveSegments::Linear(list) => {
+        Ok(match (segments, shape) {
+            (CurveSegments::Linear(list), CurveShape::Tube) => {
                 let segment = |ends: &[u32; 2]| RoundSegment { ends: ends.map(point), radii: ends.map(radius) };
                 BottomLevel::Segments(WideBvh::over_with(list.iter().map(segment).collect(), self.wide())?)
             }
-            CurveSegments::Cubic(list) => {
+            (CurveSegments::Cubic(list), CurveShape::Tube) => {
                 let curve = |points: &[u32; 4]| RoundCubic { points: points.map(point), radii: points.map(radius) };
                 BottomLevel::Cubics(WideBvh::over_with(list.iter().map(curve).collect(), self.wide())?)
+            }
+            (CurveSegments::Linear(list), CurveShape::Ribbon) => {
+                let ribbon = |(ends, next): (&[u32; 2], [f32; 3])| RibbonSegment {
+                    ends: ends.map(point),
+                    radii: ends.map(radius),
+                    next,
+                };
+                let ribbons = list.iter().zip(mesh.following_points()).map(ribbon);
+                BottomLevel::Ribbons(WideBvh::over_with(ribbons.collect(), self.wide())?)
+            }
+            (CurveSegments::Cubic(list), CurveShape::Ribbon) => {
+                let ribbon = |(points, next): (&[u32; 4], [f32; 3])| RibbonCubic {
+                    points: points.map(point),
+                    radii: points.map(radius),
+                    next,
+                };
+                let ribbons = list.iter().zip(mesh.following_points()).map(ribbon);
+                BottomLevel::CubicRibbons(WideBvh::over_with(ribbons.collect(), self.wide())?)
             }
         })
     }
@@ -364,15 +382,16 @@ pub(crate) struct Triangles<'a> {
     /// Positions at shutter close, if the vertices move.
     pub(crate) close: Option<&'a [[f32; 3]]>,
     pub(crate) triangles: &'a [[u32; 3]],
-    /// In place of triangles.
-    pub(crate) curves: Option<&'a Curves>,
+    /// In place of triangles, with the mesh of which they are.
+    pub(crate) curves: Option<(&'a Mesh, &'a Curves)>,
 }
 
 impl<'a> Triangles<'a> {
     /// Triangles over the vertices of a mesh.
-    pub(crate) fn of(Mesh { positions, close, curves, .. }: &'a Mesh, triangles: &'a [[u32; 3]]) -> Self {
-        let close = close.as_ref().map(|close| &close.positions[..]);
-        Self { positions, close, triangles, curves: curves.as_ref() }
+    pub(crate) fn of(mesh: &'a Mesh, triangles: &'a [[u32; 3]]) -> Self {
+        let close = mesh.close.as_ref().map(|close| &close.positions[..]);
+        let curves = mesh.curves.as_ref().map(|curves| (mesh, curves));
+        Self { positions: &mesh.positions, close, triangles, curves }
     }
 }
 
@@ -392,6 +411,10 @@ pub enum BottomLevel {
     Segments(WideBvh<RoundSegment>),
     /// Eight-wide, over round cubic curves.
     Cubics(WideBvh<RoundCubic>),
+    /// Eight-wide, over straight ribbons.
+    Ribbons(WideBvh<RibbonSegment>),
+    /// Eight-wide, over cubic ribbons.
+    CubicRibbons(WideBvh<RibbonCubic>),
 }
 
 impl BottomLevel {
@@ -404,6 +427,8 @@ impl BottomLevel {
             Self::KdTree(tree) => tree,
             Self::Segments(bvh) => bvh,
             Self::Cubics(bvh) => bvh,
+            Self::Ribbons(bvh) => bvh,
+            Self::CubicRibbons(bvh) => bvh,
         }
     }
 
@@ -418,6 +443,8 @@ impl BottomLevel {
             Self::KdTree(tree) => tree.n_bytes(),
             Self::Segments(bvh) => bvh.n_bytes(),
             Self::Cubics(bvh) => bvh.n_bytes(),
+            Self::Ribbons(bvh) => bvh.n_bytes(),
+            Self::CubicRibbons(bvh) => bvh.n_bytes(),
         }
     }
 
@@ -431,7 +458,7 @@ impl BottomLevel {
             (Self::Wide(wide), None) => wide.refit(positions, triangles),
             (Self::Moving(moving), Some(close)) => moving.refit(positions, close, triangles),
             // Curves are built again.
-            (Self::Segments(_) | Self::Cubics(_), _) => return Ok(None),
+            (Self::Segments(_) | Self::Cubics(_) | Self::Ribbons(_) | Self::CubicRibbons(_), _) => return Ok(None),
             (Self::Wide(_) | Self::Moving(_) | Self::Bvh2(..) | Self::Bih(_) | Self::KdTree(_), _) => return Ok(None),
         };
         match refit {
@@ -449,6 +476,8 @@ impl BottomLevel {
             Self::Moving(bvh) => bvh.each_box(visit),
             Self::Segments(bvh) => bvh.each_box(visit),
             Self::Cubics(bvh) => bvh.each_box(visit),
+            Self::Ribbons(bvh) => bvh.each_box(visit),
+            Self::CubicRibbons(bvh) => bvh.each_box(visit),
             Self::Bvh2(bvh, _) => {
                 bvh.pairs().each_box(|obb, level, is_leaf| visit(bvh.reference().given_box(obb), level, is_leaf));
             }
@@ -469,6 +498,8 @@ impl BottomLevel {
             Self::Moving(moving) => of_wide(moving.sizes(), moving.frame()),
             Self::Segments(bvh) => of_wide(bvh.sizes(), bvh.frame()),
             Self::Cubics(bvh) => of_wide(bvh.sizes(), bvh.frame()),
+            Self::Ribbons(bvh) => of_wide(bvh.sizes(), bvh.frame()),
+            Self::CubicRibbons(bvh) => of_wide(bvh.sizes(), bvh.frame()),
             Self::Bvh2(_, strategy) => *strategy != Strategy::Aabb,
             Self::Bih(_) | Self::KdTree(_) => false,
         }

@@ -69,9 +69,10 @@ fn of_mesh(mesh: &Mesh) -> u64 {
     hash.floats(second_uvs.as_deref().unwrap_or_default());
     hash.floats(colors.as_deref().unwrap_or_default());
     hash.debug(parts);
-    if let Some(Curves { radii, segments }) = curves {
+    if let Some(Curves { radii, segments, shape }) = curves {
         hash.words(radii.iter().map(|radius| radius.to_bits()));
         hash.debug(segments);
+        hash.debug(shape);
     }
     if let Some(MeshClose { positions, normals, tangents }) = close {
         hash.floats(positions);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use canted_film::Hash;
 use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
-use canted_scene::{CurveSegments, Curves, Instance, Material, Mesh, Scene};
+use canted_scene::{CurveSegments, CurveShape, Curves, Instance, Material, Mesh, Scene};
 use canted_tlas::Tlas;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Mapped, Query, ScaledRay, Side};
 use rayon::prelude::*;
@@ -358,8 +358,9 @@ impl MeshKey {
         positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
         triangles.words(mesh.triangles.iter().flatten().copied());
         triangles.words(coincident::kinds(scene, mesh));
-        if let Some(Curves { radii, segments }) = &mesh.curves {
+        if let Some(Curves { radii, segments, shape }) = &mesh.curves {
             triangles.word(1 + u64::from(matches!(segments, CurveSegments::Cubic(_))));
+            triangles.word(u64::from(*shape == CurveShape::Ribbon));
             triangles.words(segments.indices().iter().copied());
             triangles.words(radii.iter().map(|radius| radius.to_bits()));
         }

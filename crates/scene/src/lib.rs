@@ -73,6 +73,7 @@ mod light;
 mod material;
 mod read;
 mod scene;
+mod strand;
 
 pub use builtin::builtin;
 pub use file::{
@@ -88,7 +89,9 @@ pub use read::{
     AnimatedScene, Lines, ReadError, ReadOptions, is_lines, read, read_environment, read_lines, read_with,
     stream_triangles,
 };
-pub use scene::{Camera, CurveSegments, Curves, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene};
+pub use scene::{
+    Camera, CurveSegments, CurveShape, Curves, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene,
+};
 
 /// The features of this crate, and whether this build has them.
 pub const FEATURES: [(&str, bool); 9] = [

@@ -161,21 +161,46 @@ pub struct Mesh {
     pub close: Option<MeshClose>,
 }
 
-/// Round curves, tubes with spherical ends. Each segment is a solid of its own.
+/// Curves: lines with a thickness.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
-    /// The radius at each position, at least 0 and finite.
+    /// The radius at each position, half the width of ribbons; at least 0 and finite.
     pub radii: Vec<f32>,
     /// The segments.
     pub segments: CurveSegments,
+    /// What surrounds the segments.
+    pub shape: CurveShape,
+}
+
+/// The surface of curves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+pub enum CurveShape {
+    /// Round, with spherical ends; each segment is a solid of its own.
+    #[default]
+    #[serde(rename = "tube")]
+    Tube,
+    /// Flat, facing every ray, with straight ends; without gaps between the segments of a strand.
+    #[serde(rename = "ribbon")]
+    Ribbon,
+}
+
+impl CurveShape {
+    /// Its name in scene files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tube => "tube",
+            Self::Ribbon => "ribbon",
+        }
+    }
 }
 
 /// Segments of curves by the indices of their points.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CurveSegments {
-    /// Cones with spherical ends; equal indices make a ball.
+    /// Straight segments: cones with spherical ends, of which equal indices make a ball, or straight ribbons.
     Linear(Vec<[u32; 2]>),
-    /// Tubes along cubic Bézier curves, by their control points.
+    /// Cubic Bézier curves, by their control points.
     Cubic(Vec<[u32; 4]>),
 }
 

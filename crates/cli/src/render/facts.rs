@@ -166,6 +166,8 @@ fn volumes_of(bvhs: &[BottomLevel]) -> String {
             BottomLevel::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
             BottomLevel::Segments(bvh) => add(bvh.sizes().nodes, bvh.frame()),
             BottomLevel::Cubics(bvh) => add(bvh.sizes().nodes, bvh.frame()),
+            BottomLevel::Ribbons(bvh) => add(bvh.sizes().nodes, bvh.frame()),
+            BottomLevel::CubicRibbons(bvh) => add(bvh.sizes().nodes, bvh.frame()),
         }
     }
     let n: usize = nodes.iter().sum();

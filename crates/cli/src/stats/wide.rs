@@ -157,6 +157,8 @@ fn add_curves(level: &mut Level, scene: &Scene) -> Result<()> {
             match &bvh.bottom()[0] {
                 BottomLevel::Segments(wide) => row.add(wide, area, build_ms),
                 BottomLevel::Cubics(wide) => row.add(wide, area, build_ms),
+                BottomLevel::Ribbons(wide) => row.add(wide, area, build_ms),
+                BottomLevel::CubicRibbons(wide) => row.add(wide, area, build_ms),
                 _ => {}
             }
         }

@@ -140,7 +140,10 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
             BottomLevel::Moving(_) => return Err(DEFORMING),
             BottomLevel::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
-            BottomLevel::Segments(_) | BottomLevel::Cubics(_) => return Err(CURVES),
+            BottomLevel::Segments(_)
+            | BottomLevel::Cubics(_)
+            | BottomLevel::Ribbons(_)
+            | BottomLevel::CubicRibbons(_) => return Err(CURVES),
         }
     }
     Ok(Kind::Wide(meshes))

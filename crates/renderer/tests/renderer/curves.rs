@@ -3,7 +3,7 @@
 use canted_film::Pixel;
 use canted_obb::Affine;
 use canted_renderer::{BvhKind, Cone, Integrator, Levels, PrepareError, SceneBvh, SceneBvhConfig, Settings, Surfaces};
-use canted_scene::{CurveSegments, Curves, Mesh, Scene};
+use canted_scene::{CurveSegments, CurveShape, Curves, Mesh, Scene};
 use canted_trace::{Intersect as _, Ray};
 
 use super::common::{
@@ -13,7 +13,7 @@ use super::common::{
 
 /// A mesh of curves.
 fn curves(positions: Vec<[f32; 3]>, radii: Vec<f32>, segments: CurveSegments) -> Mesh {
-    Mesh { curves: Some(Curves { radii, segments }), ..mesh(positions, vec![], 0) }
+    Mesh { curves: Some(Curves { radii, segments, shape: CurveShape::Tube }), ..mesh(positions, vec![], 0) }
 }
 
 /// A cone with spherical ends, a ball, and an arch.

@@ -2,7 +2,7 @@
 
 use canted_film::Pixel;
 use canted_renderer::{Bsdf, Hair, Integrator, Levels, Settings};
-use canted_scene::{CurveSegments, Curves, Hair as Source, Material, Mesh};
+use canted_scene::{CurveSegments, CurveShape, Curves, Hair as Source, Material, Mesh};
 
 use super::common::{camera, film_of, mesh, prepared, scene, settings, under};
 
@@ -82,7 +82,11 @@ fn melanin_darkens_hair() {
 #[test]
 fn white_strands_vanish_in_a_white_furnace() {
     let strand = Mesh {
-        curves: Some(Curves { radii: vec![0.4, 0.3, 0.2], segments: CurveSegments::Linear(vec![[0, 1], [1, 2]]) }),
+        curves: Some(Curves {
+            radii: vec![0.4, 0.3, 0.2],
+            segments: CurveSegments::Linear(vec![[0, 1], [1, 2]]),
+            shape: CurveShape::Tube,
+        }),
         ..mesh(vec![[-2.0, 0.0, 0.0], [0.0, 0.2, 0.0], [2.0, 0.0, 0.3]], vec![], 0)
     };
     let source = Source { is_on: true, ..Source::default() };

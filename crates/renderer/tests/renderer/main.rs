@@ -17,6 +17,7 @@ mod microfacet;
 mod motion;
 mod path;
 mod render;
+mod ribbons;
 mod sampler;
 mod surface;
 mod terminator;

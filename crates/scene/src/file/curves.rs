@@ -5,7 +5,7 @@ use serde_spanned::Spanned;
 
 use super::tables::{Fraction, In, Point, Source};
 use super::writer::{TomlWriter, number, numbers, quoted};
-use crate::{CurveSegments, Curves, Material, Mesh, ReadError};
+use crate::{CurveSegments, CurveShape, Curves, Material, Mesh, ReadError};
 
 /// How the points of a curve make its segments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
@@ -98,6 +98,8 @@ pub struct CurveTable {
     pub radii: Vec<f32>,
     /// How points make segments.
     pub basis: CurveBasis,
+    /// Round, or flat; half the width of ribbons is the radius.
+    pub shape: CurveShape,
     /// Linear RGB; `None` for that of the material.
     pub color: Option<[f32; 3]>,
     /// Linear RGB at each point, which multiplies the color.
@@ -152,6 +154,8 @@ pub(super) struct CurveRows {
     radii: Spanned<Radii>,
     #[serde(default)]
     basis: CurveBasis,
+    #[serde(default)]
+    shape: CurveShape,
     color: Option<Rgb>,
     colors: Option<Spanned<Vec<Rgb>>>,
     material: Option<String>,
@@ -159,7 +163,7 @@ pub(super) struct CurveRows {
 
 pub(super) fn read(table: Spanned<CurveRows>, source: &Source<'_>) -> Result<CurveTable, ReadError> {
     let line = source.line(table.span().start);
-    let CurveRows { name, points, radii, basis, color, colors, material } = table.into_inner();
+    let CurveRows { name, points, radii, basis, shape, color, colors, material } = table.into_inner();
     let (points_at, radii_at) = (points.span().start, radii.span().start);
     let points: Vec<[f32; 3]> = points.into_inner().into_iter().map(|point| point.0).collect();
     let Radii(radii) = radii.into_inner();
@@ -191,6 +195,7 @@ pub(super) fn read(table: Spanned<CurveRows>, source: &Source<'_>) -> Result<Cur
         points,
         radii,
         basis,
+        shape,
         color: color.map(|color| color.0),
         colors: colors.transpose()?,
         material,
@@ -202,7 +207,7 @@ impl CurveTable {
     /// The mesh of the curves, without parts.
     pub(super) fn mesh(&self) -> Mesh {
         let n = self.points.len();
-        let basis = self.basis;
+        let (basis, shape) = (self.basis, self.shape);
         let radius = |i: usize| match (&self.radii[..], basis) {
             // A constant radius has no derivative.
             ([_], CurveBasis::Hermite) if i % 2 == 1 => 0.0,
@@ -217,7 +222,11 @@ impl CurveTable {
                 name,
                 positions: self.points.clone(),
                 colors: self.colors.as_ref().map(|colors| colors.iter().copied().map(rgba).collect()),
-                curves: Some(Curves { radii: (0..n).map(radius).collect(), segments: CurveSegments::Linear(segments) }),
+                curves: Some(Curves {
+                    radii: (0..n).map(radius).collect(),
+                    segments: CurveSegments::Linear(segments),
+                    shape,
+                }),
                 ..Mesh::default()
             };
         }
@@ -244,7 +253,7 @@ impl CurveTable {
             name,
             positions,
             colors,
-            curves: Some(Curves { radii, segments: CurveSegments::Cubic(segments) }),
+            curves: Some(Curves { radii, segments: CurveSegments::Cubic(segments), shape }),
             ..Mesh::default()
         }
     }
@@ -258,13 +267,16 @@ impl CurveTable {
 
 /// Writes a table.
 pub(super) fn write(table: &CurveTable, out: &mut TomlWriter) {
-    let CurveTable { name, points, radii, basis, color, colors, material, line: _ } = table;
+    let CurveTable { name, points, radii, basis, shape, color, colors, material, line: _ } = table;
     let vectors = |list: &[[f32; 3]]| format!("[{}]", list.iter().map(|v| numbers(v)).collect::<Vec<_>>().join(", "));
     out.heading("[[curves]]");
     if !name.is_empty() {
         out.entry("name", &quoted(name), "");
     }
     out.entry("basis", &quoted(basis.name()), "linear, bezier, bspline, catmull-rom, hermite");
+    if *shape != CurveShape::default() {
+        out.entry("shape", &quoted(shape.name()), "tube, ribbon");
+    }
     out.entry("points", &vectors(points), "");
     match &radii[..] {
         [radius] => out.entry("radii", &number(*radius), "of all points"),

@@ -466,6 +466,24 @@ fn curves_of_scene_files_have_five_bases() {
     assert_eq!((scene.bounds_world().min, scene.n_placed_segments()), ([-0.1, -0.2, -0.3], 3));
 }
 
+/// Tubes by default; ribbons are written as such, of both kinds of segments.
+#[test]
+fn curves_of_scene_files_have_two_shapes() {
+    let file =
+        |keys: &str| format!("[[curves]]\n{keys}points = [[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 1, 0]]\nradii = 0.1\n");
+    for (keys, want) in [
+        ("", canted_scene::CurveShape::Tube),
+        ("shape = \"tube\"\n", canted_scene::CurveShape::Tube),
+        ("shape = \"ribbon\"\n", canted_scene::CurveShape::Ribbon),
+        ("basis = \"bezier\"\nshape = \"ribbon\"\n", canted_scene::CurveShape::Ribbon),
+    ] {
+        let shape = |text: &str| scene_file(text).unwrap().meshes[0].curves.as_ref().unwrap().shape;
+        let text = file(keys);
+        let again = canted_scene::SceneFile::parse(text.as_bytes(), "a.toml".as_ref()).unwrap().to_toml();
+        assert_eq!([shape(&text), shape(&again)], [want; 2], "{keys}");
+    }
+}
+
 #[test]
 fn curves_of_scene_files_that_are_wrong_are_errors() {
     for (keys, want) in [
@@ -491,6 +509,13 @@ fn curves_of_scene_files_that_are_wrong_are_errors() {
         let error = scene_file(&format!("[[curves]]\n{keys}\n")).unwrap_err().to_string();
         assert!(error.ends_with(want), "{error}");
     }
+    let error = scene_file("[[curves]]\nshape = \"tape\"\npoints = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("line 2") && error.ends_with("\"tape\" for 'shape' in [[curves]]: expected one of tube, ribbon"),
+        "{error}"
+    );
     let error = scene_file("[[curves]]\nbasis = \"nurbs\"\npoints = []\nradii = 1\n").unwrap_err().to_string();
     assert!(
         error.contains("line 2") && error.contains("expected one of linear, bezier, bspline, catmull-rom, hermite"),

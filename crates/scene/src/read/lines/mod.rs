@@ -21,7 +21,7 @@ use super::error::ReadError;
 use super::input::{Format as MeshFormat, Input, ReadOptions, inner_name, open, read_all};
 use super::strands::{Lines, Strands, point_index};
 use super::{gltf, ply};
-use crate::{CurveSegments, Curves, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
+use crate::{CurveSegments, CurveShape, Curves, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
 /// A format of lines alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,7 +120,7 @@ pub(super) fn scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadErr
         positions: points,
         colors: colors.map(|colors| colors.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()),
         parts: vec![Part { first_triangle: 0, material: MaterialId(0) }],
-        curves: Some(Curves { radii, segments: CurveSegments::Linear(segments) }),
+        curves: Some(Curves { radii, segments: CurveSegments::Linear(segments), shape: CurveShape::Tube }),
         ..Mesh::default()
     });
     scene.instances.push(Instance {
