@@ -1,4 +1,4 @@
-//! Surfaces of curves: points, normals and tangents of tubes and ribbons.
+//! Surfaces of curves: points, normals, tangents and texture coordinates of tubes and ribbons.
 //!
 //! A hit states how far along a curve it is. The point of a tube is that of the ray, moved onto the ball that touches the surface
 //! there, in object space and f64: rounding `t` moves it along the surface only. The point of a ribbon is that of the line as far along the ray as the
@@ -6,15 +6,19 @@
 //!
 //! A ribbon faces every ray, so also the next one from a point on it, which it would hit again. So rays leave a ribbon from half its width in front of it or
 //! behind it, and no ray to that side hits the same straight part.
+//!
+//! Texture coordinates: `u` along the strand, from 0 to 1, in proportion to length ([`Mesh::strand_coordinates`]); `v` across, from 0 at the left edge to 1 at the
+//! right one, as the ray sees a curve that leads upward. A tube has no edges, so its `v` is that of its silhouette.
 
-use canted_scene::{CurveSegments, CurveShape, Curves, Mesh};
+use canted_scene::{CurveSegments, CurveShape, Curves, Material, Mesh, TextureRef};
 use canted_trace::{Hit, Ray, RoundCubic, Side};
 use glam::DVec3;
 
 use super::hit_triangle::Pose;
 use super::shading_normal::facing;
 use super::{Surface, Surfaces, bsdf};
-use crate::{Cone, Hair, wide};
+use crate::texture::{Footprint, Plane, filtered_textures};
+use crate::{Cone, Hair, Lod, wide};
 
 /// A point of a curve, object space.
 struct CurvePoint {
@@ -58,8 +62,18 @@ impl Surfaces<'_> {
         let normal = facing(outward, towards_viewer);
         let is_front = hit.side == Side::Front;
         let along = pose.vector_world(point.tangent);
-        let mut bsdf = bsdf(material, point.color, is_front, |_| [1.0; 4]);
+        let cone = cone.grown(travelled.length());
+        let uvs = self.strands[self.mesh_of(hit)].as_ref().map(|strands| strands[hit.primitive.index()]);
+        let texel = |slot: &Option<TextureRef>| {
+            let texel = slot.as_ref().zip(uvs).map(|(slot, along_strand)| {
+                let edges = [along, 2.0 * pose.vector_world(point.right)];
+                self.texel_of_curve(slot, along_strand, [hit.u.into(), point.across], edges, direction, cone)
+            });
+            texel.unwrap_or([1.0; 4])
+        };
+        let mut bsdf = bsdf(material, point.color, is_front, texel);
         bsdf.hair = material.hair.as_ref().map(|hair| Hair::new(hair, bsdf.base_color, material.ior));
+        let emission_texel = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
         Surface {
             position: pose.point_world(point.position).into(),
             normal: normal.into(),
@@ -68,12 +82,60 @@ impl Surfaces<'_> {
             is_front,
             bsdf,
             along: (along != DVec3::ZERO).then(|| along.into()),
-            emission: material.emission,
+            emission: std::array::from_fn(|k| material.emission[k] * emission_texel[k]),
             offset: placement.offset(normal) + offset,
-            cone: cone.grown(travelled.length()),
+            cone,
             time: ray.time,
         }
     }
+
+    /// The value of a texture on a curve. `edges` lead along the whole segment and across the whole width, world space.
+    fn texel_of_curve(
+        &self,
+        slot: &TextureRef,
+        [from, to]: [f32; 2],
+        [u, v]: [f64; 2],
+        edges: [DVec3; 2],
+        direction: DVec3,
+        cone: Cone,
+    ) -> [f32; 4] {
+        let map = |uv| slot.texture_from_mesh.point(uv);
+        let [from, to] = [from, to].map(f64::from);
+        let uv = map([from + u * (to - from), v]);
+        let (mip_map, normal) = (self.textures.get(slot.texture), edges[0].cross(edges[1]));
+        let footprint = if self.lod == Lod::None || cone.is_zero() || normal == DVec3::ZERO {
+            Footprint::POINT
+        } else {
+            let origin = map([0.0; 2]);
+            let along = [[to - from, 0.0], [0.0, 1.0]].map(map).map(|end| [end[0] - origin[0], end[1] - origin[1]]);
+            Footprint::new(self.lod, &cone, direction, &Plane { edges, normal }, along, mip_map.size())
+        };
+        mip_map.lookup(uv, &footprint)
+    }
+
+    /// Alpha of a curve at a hit, from textures at full resolution. The direction of the ray is not known here, so tubes are looked up in the middle of `v`.
+    pub(super) fn alpha_of_curve(&self, hit: &Hit, material: &Material, curves: &Curves) -> f32 {
+        let texture = material.alpha_texture.as_ref().and_then(|slot| {
+            let [from, to] = self.strands[self.mesh_of(hit)].as_ref()?[hit.primitive.index()];
+            let v = if curves.shape == CurveShape::Ribbon { hit.v } else { 0.5 };
+            let uv = [from + hit.u * (to - from), v].map(f64::from);
+            Some(self.textures.get(slot.texture).alpha(slot.texture_from_mesh.point(uv)))
+        });
+        material.alpha * texture.unwrap_or(1.0)
+    }
+
+    fn mesh_of(&self, hit: &Hit) -> usize {
+        self.scene.instances[hit.instance.0 as usize].mesh.0 as usize
+    }
+}
+
+/// The positions along strands of a mesh of curves, for textures; `None` without textures, or without curves.
+pub(super) fn strands(mesh: &Mesh, materials: &[Material]) -> Option<Vec<[f32; 2]>> {
+    let is_textured = mesh.parts.iter().any(|part| {
+        let material = &materials[part.material.0 as usize];
+        material.alpha_texture.is_some() || filtered_textures(material).next().is_some()
+    });
+    (mesh.curves.is_some() && is_textured).then(|| mesh.strand_coordinates())
 }
 
 /// The inverse of [`Pose::vector_world`].

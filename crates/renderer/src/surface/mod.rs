@@ -107,6 +107,8 @@ pub struct Surfaces<'a> {
     lod: Lod,
     /// For each material, whether it has textures other than alpha.
     is_textured: Vec<bool>,
+    /// For each mesh, where its segments are along strands, if it has curves with textures.
+    strands: Vec<Option<Vec<[f32; 2]>>>,
     /// For each instance, whether any of its materials uses alpha.
     uses_alpha: Vec<bool>,
     /// For each instance, whether any of its materials is single-sided.
@@ -156,7 +158,8 @@ impl<'a> Surfaces<'a> {
         };
         let uses_alpha = of_instances(&Material::uses_alpha);
         let is_single_sided = of_instances(&|material| hit_filter::is_single_sided(material, false));
-        Self { scene, placements, textures, lod, is_textured, uses_alpha, is_single_sided }
+        let strands = scene.meshes.iter().map(|mesh| curve::strands(mesh, &scene.materials)).collect();
+        Self { scene, placements, textures, lod, is_textured, strands, uses_alpha, is_single_sided }
     }
 
     /// The scene.
@@ -272,16 +275,14 @@ impl<'a> Surfaces<'a> {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let mesh = &self.scene.meshes[instance.mesh.0 as usize];
         let material = self.material(mesh.material_of(hit.primitive.0));
+        let alpha = || match &mesh.curves {
+            Some(curves) => self.alpha_of_curve(hit, material, curves),
+            None => self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)),
+        };
         match material.alpha_mode {
             AlphaMode::Opaque => 1.0,
-            // Curves have no textures.
-            AlphaMode::Mask { cutoff } if mesh.curves.is_some() => f32::from(u8::from(material.alpha >= cutoff)),
-            AlphaMode::Blend if mesh.curves.is_some() => material.alpha,
-            AlphaMode::Mask { cutoff } => {
-                let is_opaque = self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)) >= cutoff;
-                if is_opaque { 1.0 } else { 0.0 }
-            }
-            AlphaMode::Blend => self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)),
+            AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha() >= cutoff)),
+            AlphaMode::Blend => alpha(),
         }
     }
 

@@ -1,12 +1,16 @@
-//! Ribbons that face the ray, and their opacity.
+//! Ribbons that face the ray, their opacity, and textures along curves.
 
 use canted_film::Pixel;
-use canted_renderer::{Cone, Integrator, Levels, SceneBvh, Settings, Surfaces};
-use canted_scene::{AlphaMode, CurveSegments, CurveShape, Curves, Hair as Source, Material, Mesh, Scene};
+use canted_renderer::{Cone, HitFilter, Integrator, Levels, Lod, SceneBvh, Settings, Surfaces};
+use canted_scene::{
+    AlphaMode, CurveSegments, CurveShape, Curves, Encoding, Hair as Source, Magnification, Material, Mesh, Scene,
+    TextureId, TextureRef, Wrap,
+};
 use canted_trace::{Intersect as _, Ray};
 
 use super::common::{
-    Vector, camera, dot, film_of, gray, mesh, prepared, rays_from_all_around, scene, settings, sub, under, unit,
+    Vector, camera, dot, film_of, gray, mesh, prepared, rays_from_all_around, scene, settings, sub, texture, under,
+    unit,
 };
 
 fn strand(positions: Vec<[f32; 3]>, radius: f32, segments: CurveSegments, shape: CurveShape) -> Mesh {
@@ -135,5 +139,84 @@ fn opacity_is_that_of_the_material_at_joints_too() {
         }
         let mean = means.iter().sum::<f64>() / means.len() as f64;
         assert!((mean - f64::from(alpha)).abs() < 0.01, "{alpha}: {mean}");
+    }
+}
+
+/// Images of 4 x 1 and 1 x 2 texels, each texel as wide as its part.
+fn textured(shape: CurveShape, material: impl Fn(TextureRef) -> Material, texels: &[[u8; 4]], size: [u32; 2]) -> Scene {
+    let mut image = texture(size, texels.to_vec(), Encoding::Linear, Wrap::Clamp);
+    image.magnification = Magnification::Nearest;
+    let mut stage = scene(vec![line(shape)], vec![material(TextureRef::new(TextureId(0)))]);
+    stage.textures = vec![image];
+    stage
+}
+
+fn painted(slot: TextureRef) -> Material {
+    Material { base_color: [1.0; 3], base_color_texture: Some(slot), ..Material::default() }
+}
+
+fn red(stage: &Scene, ray: &Ray) -> f32 {
+    let hit = prepared(stage, Levels::Auto).closest_hit(ray).expect("the ray hits the curve");
+    Surfaces::new(stage).at_ray(&hit, ray, Cone::ZERO).bsdf.base_color[0]
+}
+
+/// `u` runs along the whole strand, in proportion to length, over its joints.
+#[test]
+fn textures_run_along_the_strand() {
+    let gray = |x: u8| [x, x, x, 255];
+    let texels = [gray(0), gray(51), gray(102), gray(255)];
+    for shape in [CurveShape::Tube, CurveShape::Ribbon] {
+        let stage = textured(shape, painted, &texels, [4, 1]);
+        for (x, want) in [(-1.9, 0.0), (-1.1, 0.0), (-0.9, 0.2), (-0.1, 0.2), (0.1, 0.4), (0.9, 0.4), (1.1, 1.0)] {
+            assert_eq!(red(&stage, &down(x, 0.0)), want, "{shape:?} {x}");
+        }
+    }
+}
+
+/// `v` runs across, from left to right as the ray sees a curve that leads upward: here it leads to the right, so that left is up.
+#[test]
+fn textures_run_across_the_curve() {
+    let texels = [[255; 4], [0, 0, 0, 255]];
+    for shape in [CurveShape::Tube, CurveShape::Ribbon] {
+        // The first row of an image is at the top, where `v` is 1.
+        let stage = textured(shape, painted, &texels, [1, 2]);
+        for x in [-1.5, 0.5] {
+            assert_eq!([0.4, 0.1].map(|y| red(&stage, &down(x, y))), [0.0; 2], "{shape:?}");
+            assert_eq!([-0.4, -0.1].map(|y| red(&stage, &down(x, y))), [1.0; 2], "{shape:?}");
+            // From behind, left and right change places.
+            assert_eq!(red(&stage, &Ray::new([x, 0.1, -5.0], [0.0, 0.0, 1.0])), 1.0, "{shape:?}");
+        }
+    }
+}
+
+/// Alpha of a texture cuts one side of a ribbon out.
+#[test]
+fn alpha_textures_cut_ribbons() {
+    let cut = |slot: TextureRef| Material {
+        alpha_texture: Some(slot),
+        alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
+        ..Material::default()
+    };
+    let stage = textured(CurveShape::Ribbon, cut, &[[255; 4], [255, 255, 255, 0]], [1, 2]);
+    let (bvh, surfaces) = (prepared(&stage, Levels::Auto), Surfaces::new(&stage));
+    let is_hit = |y: f32| bvh.closest_hit_with(&down(0.5, y), &mut HitFilter::new(&surfaces)).is_some();
+    assert_eq!([0.3, 0.1, -0.1, -0.3].map(is_hit), [false, false, true, true]);
+}
+
+/// A wide cone sees the mean of a fine texture.
+#[test]
+fn textures_of_curves_are_filtered() {
+    let texels: Vec<[u8; 4]> = (0..256 * 64).map(|i| if i % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }).collect();
+    for shape in [CurveShape::Tube, CurveShape::Ribbon] {
+        let stage = textured(shape, painted, &texels, [256, 64]);
+        let bvh = prepared(&stage, Levels::Auto);
+        let settings = Settings { integrator: Integrator::Path, lod: Lod::Aniso, ..settings(1, 1, 1, 1) };
+        let stage = under([1.0; 3], stage);
+        let one = |settings: &Settings| {
+            film_of(&stage, &bvh, &camera([0.5, 0.0, 5.0], [0.5, 0.0, 0.0], 4.0), settings).pixels()[0].mean()[0]
+        };
+        let (filtered, point) = (one(&settings), one(&Settings { lod: Lod::None, ..settings }));
+        assert!((filtered - 0.5).abs() < 0.02, "{shape:?}: {filtered}");
+        assert!((point - 0.5).abs() > 0.4, "{shape:?}: {point}");
     }
 }

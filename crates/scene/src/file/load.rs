@@ -437,11 +437,21 @@ impl<'a> Assembly<'a> {
         let mut changed = self.scene.materials[material].clone();
         edits.apply(&mut changed, |file, encoding| self.texture(file, encoding, line))?;
         if edits.adds_texture() {
-            let lacks =
-                |mesh: &&Mesh| mesh.uvs.is_none() && mesh.parts.iter().any(|part| part.material.0 as usize == material);
-            if let Some(mesh) = self.scene.meshes.iter().find(lacks) {
+            let uses = |mesh: &&Mesh| mesh.parts.iter().any(|part| part.material.0 as usize == material);
+            let mut meshes = self.scene.meshes.iter().filter(uses);
+            // Curves have coordinates of their own, but no frame for the normals of a texture.
+            let lacks = |mesh: &&Mesh| match mesh.curves {
+                Some(_) => changed.normal_texture.is_some(),
+                None => mesh.uvs.is_none(),
+            };
+            if let Some(mesh) = meshes.find(lacks) {
+                let why = if mesh.curves.is_some() {
+                    "is made of curves, which have no normal maps"
+                } else {
+                    "has no texture coordinates"
+                };
                 let [material, mesh] = [&changed.name, &mesh.name].map(|name| quoted(name.as_bytes()));
-                let message = format!("cannot texture material {material}: mesh {mesh} has no texture coordinates");
+                let message = format!("cannot texture material {material}: mesh {mesh} {why}");
                 return Err(error_at(&self.file.path, line, message));
             }
         }

@@ -478,6 +478,27 @@ fn textures_require_texture_coordinates() {
     assert!(message.contains("line 4") && message.contains("no texture coordinates"), "{message}");
 }
 
+/// Curves have texture coordinates, but no normal maps.
+#[test]
+fn curves_have_textures_but_no_normal_maps() {
+    let folder = folder();
+    image::RgbImage::new(1, 1).save(folder.path().join("t.png")).unwrap();
+    let load = |slot: &str| {
+        let curves = "[[curves]]\npoints = [[0, 0, 0], [1, 0, 0]]\nradii = 1\nmaterial = 'm'\n";
+        let text = format!("{curves}[[materials]]\nname = 'm'\n{slot} = 't.png'");
+        SceneFile::parse(text.as_bytes(), &folder.path().join("s.toml")).unwrap().load()
+    };
+    let scene = load("base_color_texture").unwrap();
+    assert!(scene.materials[scene.meshes[0].material_of(0).0 as usize].base_color_texture.is_some());
+    let message = load("normal_texture").unwrap_err().to_string();
+    assert!(
+        message.ends_with(
+            "line 5: cannot texture material 'm': mesh 'curves' is made of curves, which have no normal maps"
+        ),
+        "{message}"
+    );
+}
+
 #[test]
 fn examples_load() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
