@@ -160,13 +160,24 @@ pub(crate) fn camera(model: &Model, resolution: u32) -> Vec<Ray> {
 
 /// The rays that start where camera rays hit: for nearest hits, and for occlusion.
 pub(crate) fn secondary(model: &Model, camera: &[Ray], hits: &[Option<Hit>]) -> [Vec<Ray>; 2] {
+    secondary_farther(model, camera, hits, 0.0)
+}
+
+/// The same, but they start `farther` from their surfaces, relative to the diagonal of the scene.
+pub(crate) fn secondary_farther(model: &Model, camera: &[Ray], hits: &[Option<Hit>], farther: f64) -> [Vec<Ray>; 2] {
+    let diagonal = model.mesh.diagonal();
+    let moved = |mut point: SurfacePoint| {
+        let step = |(x, n): (f32, f32)| (f64::from(x) + farther * diagonal * f64::from(n)) as f32;
+        point.position = std::array::from_fn(|k| step((point.position[k], point.normal[k])));
+        point
+    };
     let points: Vec<SurfacePoint> = camera
         .iter()
         .zip(hits)
         .filter_map(|(ray, hit)| Some(surface_point(model, ray, &(*hit)?)))
         .filter(|point| point.normal != [0.0; 3])
+        .map(moved)
         .collect();
-    let diagonal = model.mesh.diagonal();
     [diffuse(&points, diagonal, DIFFUSE_SEED), occlusion(&points, diagonal, OCCLUSION_SEED)]
         .map(|rays| rays.iter().map(ray).collect())
 }

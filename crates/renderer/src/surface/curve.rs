@@ -101,7 +101,7 @@ impl Surfaces<'_> {
     ) -> [f32; 4] {
         let map = |uv| slot.texture_from_mesh.point(uv);
         let [from, to] = [from, to].map(f64::from);
-        let uv = map([from + u * (to - from), v]);
+        let uv = self.point_of_texture(slot, [from + u * (to - from), v]);
         let (mip_map, normal) = (self.textures.get(slot.texture), edges[0].cross(edges[1]));
         let footprint = if self.lod == Lod::None || cone.is_zero() || normal == DVec3::ZERO {
             Footprint::POINT
@@ -113,13 +113,25 @@ impl Surfaces<'_> {
         mip_map.lookup(uv, &footprint)
     }
 
+    /// Where the texture has coordinates of a curve, at least half a texel from the ends and edges of the strand: beyond, a texture that repeats is a
+    /// mixture of both, which the round ends of tubes would show.
+    fn point_of_texture(&self, slot: &TextureRef, uv: [f64; 2]) -> [f64; 2] {
+        let map = |uv| slot.texture_from_mesh.point(uv);
+        let (size, origin) = (self.textures.get(slot.texture).size(), map([0.0; 2]));
+        map(std::array::from_fn(|axis| {
+            let end = map(std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 }));
+            let texels = (0..2).map(|k| (size[k] * (end[k] - origin[k])).abs()).fold(1.0, f64::max);
+            uv[axis].clamp(0.5 / texels, 1.0 - 0.5 / texels)
+        }))
+    }
+
     /// Alpha of a curve at a hit, from textures at full resolution. The direction of the ray is not known here, so tubes are looked up in the middle of `v`.
     pub(super) fn alpha_of_curve(&self, hit: &Hit, material: &Material, curves: &Curves) -> f32 {
         let texture = material.alpha_texture.as_ref().and_then(|slot| {
             let [from, to] = self.strands[self.mesh_of(hit)].as_ref()?[hit.primitive.index()];
             let v = if curves.shape == CurveShape::Ribbon { hit.v } else { 0.5 };
             let uv = [from + hit.u * (to - from), v].map(f64::from);
-            Some(self.textures.get(slot.texture).alpha(slot.texture_from_mesh.point(uv)))
+            Some(self.textures.get(slot.texture).alpha(self.point_of_texture(slot, uv)))
         });
         material.alpha * texture.unwrap_or(1.0)
     }

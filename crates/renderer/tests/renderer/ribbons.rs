@@ -173,6 +173,16 @@ fn textures_run_along_the_strand() {
     }
 }
 
+/// A texture that repeats and is interpolated does not mix its first and its last color at the ends.
+#[test]
+fn ends_of_tubes_have_one_color() {
+    let gray = |x: u8| [x, x, x, 255];
+    let mut stage = textured(CurveShape::Tube, painted, &[gray(0), gray(51), gray(102), gray(255)], [4, 1]);
+    stage.textures[0].magnification = Magnification::Linear;
+    stage.textures[0].wrap = [Wrap::Repeat; 2];
+    assert_eq!([-2.2, -2.0, 2.0, 2.2].map(|x| red(&stage, &down(x, 0.1))), [0.0, 0.0, 1.0, 1.0]);
+}
+
 /// `v` runs across, from left to right as the ray sees a curve that leads upward: here it leads to the right, so that left is up.
 #[test]
 fn textures_run_across_the_curve() {
