@@ -157,7 +157,7 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
     return is_done && doubt > best_last || any && best_number != NONE;
 }
 
-/// Tests the triangles of `leaf`, if it is a leaf, then those of the children of a node in the mask `leaves`. Returns whether any hit is enough
+/// Tests the triangles of `first_leaf`, if it is a leaf, then those of the children of a node in the mask `leaves`. Returns whether any hit is enough
 /// and there is one.
 fn is_settled(first_leaf: u32, node: u32, mask: u32, octant: u32, any: bool) -> bool {
     var leaf = first_leaf;

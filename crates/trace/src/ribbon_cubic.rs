@@ -31,7 +31,7 @@ pub struct RibbonCubic {
 /// Half the derivative of the squared distance between line and curve, by its Bernstein coefficients: a polynomial of degree five.
 type Slope = [f64; 6];
 
-/// Most halvings. Two roots within 2^-20 of the parameter, a minimum and a maximum that cancel, need not be told apart.
+/// Most halvings. Two roots within 2^-20 of the parameter, a minimum and a maximum that cancel, need not be separated.
 const MAX_DEPTH: u32 = 20;
 
 /// Searches begin at least this part of an interval away from its ends.
@@ -240,7 +240,7 @@ fn first_sign<'a>(coefficients: impl Iterator<Item = &'a f64>) -> f64 {
     coefficients.copied().find(|&x| x != 0.0).unwrap_or(0.0)
 }
 
-/// How often the sign of the coefficients changes, zeros left out: the roots between the ends are as many, or fewer by an even number.
+/// How often the sign of the coefficients changes, zeros skipped: the roots between the ends are as many, or fewer by an even number.
 fn changes(slope: &Slope) -> u32 {
     let (mut n, mut last) = (0, 0.0);
     for &x in slope {

@@ -97,7 +97,7 @@ fn triangle_of(blocks: &[u32], leaf: u32, i: usize) -> LeafTriangle {
     [[row(0), row(1), row(2), row(9)], [row(3), row(4), row(5), 0], [row(6), row(7), row(8), 0]]
 }
 
-/// Calls `change` with the word of every leaf below a root. A node that is reached twice or is beyond `nodes` is left out.
+/// Calls `change` with the word of every leaf below a root. A node that is reached twice or is beyond `nodes` is skipped.
 fn each_leaf(nodes: &mut [u32], root: &mut u32, mut change: impl FnMut(&mut u32)) {
     if *root & LEAF != 0 {
         return change(root);
