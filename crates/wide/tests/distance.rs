@@ -569,6 +569,46 @@ fn regions_without_volume_have_the_overlaps_of_a_loop() {
     assert!(n_found > 500, "{n_found}");
 }
 
+/// Points of a grid take over the side of their neighbors, where a mesh is closed; so they do after a motion, and no longer where that opens the mesh.
+#[test]
+fn grids_of_signed_distances() {
+    let bits = |distances: &[f32]| distances.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let check = |what: &str, bvh: &TriangleBvh, points: &[[f32; 3]]| {
+        let (mut parity, mut winding) = (vec![0.0; points.len()], vec![0.0; points.len()]);
+        bvh.par_signed_distance_many(points, &mut parity);
+        let singles: Vec<f32> = points.iter().map(|&point| bvh.signed_distance(point)).collect();
+        assert_eq!(bits(&parity), bits(&singles), "{what}");
+        let numbers = bvh.winding_numbers();
+        numbers.par_signed_distance_many(bvh, points, &mut winding);
+        for (&point, &distance) in points.iter().zip(&winding) {
+            assert_eq!(distance.to_bits(), numbers.signed_distance(bvh, point).to_bits(), "{what} {point:?}");
+            assert_eq!(distance < 0.0, distance != 0.0 && numbers.number(point, 0.0).abs() > 0.5, "{what} {point:?}");
+        }
+        winding
+    };
+    let mut turned = fixtures::torus(24, 12);
+    (0..turned.triangles.len()).step_by(3).for_each(|i| turned.triangles[i].swap(1, 2));
+    let nested = fixtures::icosphere(2).joined(&fixtures::icosphere(2).placed(|p| p.map(|x| 0.5 * x)));
+    let far = fixtures::torus(24, 12).placed(|p| p.map(|x| x + 1e5));
+    for (name, mesh) in [("torus", fixtures::torus(24, 12)), ("turned", turned), ("nested", nested), ("far", far)] {
+        let ([min, max], n) = (mesh.bounds(), 12);
+        let at = |i: usize, k: usize| min[k] + (max[k] - min[k]) * ((i as f32 + 0.5) * 1.4 / n as f32 - 0.2);
+        let points: Vec<[f32; 3]> =
+            (0..n * n * n).map(|i| [at(i / n / n, 0), at(i / n % n, 1), at(i % n, 2)]).collect();
+        let mut bvh = build(&mesh, Preset::Balanced);
+        let closed = check(name, &bvh, &points);
+        let opened = |i: u32| mesh.triangles[i as usize].map(|_| mesh.triangles[0][0]);
+        let open: Vec<[u32; 3]> = (0..mesh.triangles.len() as u32)
+            .map(|i| if i % 7 == 0 { opened(i) } else { mesh.triangles[i as usize] })
+            .collect();
+        bvh.refit(&mesh.positions, &open).unwrap();
+        let open = check(&format!("open {name}"), &bvh, &points);
+        assert!(name == "turned" || bits(&open) != bits(&closed), "{name}");
+        bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
+        assert_eq!(bits(&check(name, &bvh, &points)), bits(&closed), "{name}");
+    }
+}
+
 /// Answers of slices are those of single points, to the bit: of rows of a grid, and of points anywhere, bad ones too.
 #[test]
 fn slices_of_points() {

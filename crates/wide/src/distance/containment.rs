@@ -10,6 +10,7 @@ use std::cmp::Ordering;
 use canted_obb::{PrimId, orient_2d, orient_3d};
 use canted_trace::{Ray, ScaledRay, with_stack};
 
+use super::boundary::{Closed, Sides};
 use crate::bvh::TriangleBvh;
 use crate::leaf::{LeafPrimitive, Triangle};
 use crate::node::NodeKind;
@@ -69,10 +70,9 @@ impl TriangleBvh {
     /// points exactly on a triangle, which nearest points are computed too coarsely to tell.
     #[must_use]
     pub fn signed_distance(&self, point: impl Into<[f32; 3]>) -> f32 {
-        let point = point.into();
-        let mut place = Place::Outside;
-        self.each_place(&[point], &mut |_, found| place = found);
-        self.distance_at(point, place)
+        let mut distance = [0.0];
+        self.signed_distance_many(&[point.into()], &mut distance);
+        distance[0]
     }
 
     /// The signed distance of each point; see [`TriangleBvh::signed_distance`](crate::TriangleBvh::signed_distance). Points near their predecessors, as those of
@@ -81,10 +81,12 @@ impl TriangleBvh {
     /// # Panics
     /// Where the slices differ in length.
     pub fn signed_distance_many(&self, points: &[[f32; 3]], distances: &mut [f32]) {
-        assert_eq!(points.len(), distances.len(), "one answer per point");
-        let mut places = vec![Place::Outside; points.len()];
-        self.each_place(points, &mut |i, found| places[i] = found);
-        self.distances_at(points, &places, distances);
+        let is_closed = points.len() > 1 && self.closed().by_parity;
+        self.signed_by(points, is_closed, distances, |asked| {
+            let mut places = vec![Place::Outside; asked.len()];
+            self.places(asked, &mut places);
+            places
+        });
     }
 
     /// [`TriangleBvh::signed_distance_many`](crate::TriangleBvh::signed_distance_many) on all threads.
@@ -95,26 +97,33 @@ impl TriangleBvh {
         });
     }
 
-    /// The signed distances of points whose places are known.
-    pub(super) fn distances_at(&self, points: &[[f32; 3]], places: &[Place], distances: &mut [f32]) {
+    /// In which sense the mesh is closed: a pass over all triangles the first time.
+    pub(super) fn closed(&self) -> Closed {
+        self.leaves.closed(&self.nodes, self.n_primitives())
+    }
+
+    /// The signed distances of points. `places` answers where those are that it is asked for: of a closed mesh few, of others all.
+    pub(super) fn signed_by(
+        &self,
+        points: &[[f32; 3]],
+        is_closed: bool,
+        distances: &mut [f32],
+        places: impl FnOnce(&[[f32; 3]]) -> Vec<Place>,
+    ) {
+        assert_eq!(points.len(), distances.len(), "one answer per point");
         let mut nearest = vec![None; points.len()];
         self.nearest_point_many(points, f32::INFINITY, &mut nearest);
-        for (((point, place), nearest), distance) in points.iter().zip(places).zip(nearest).zip(distances) {
+        let sides = Sides::new(self, points, &nearest, is_closed);
+        let places = places(&sides.asked);
+        for (((point, &side), nearest), distance) in points.iter().zip(&sides.of).zip(nearest).zip(distances) {
             let size = nearest.map_or(f32::INFINITY, |nearest| nearest.distance);
-            *distance = match place {
+            *distance = match places[side] {
                 _ if point.iter().any(|x| x.is_nan()) => f32::NAN,
                 Place::On => 0.0,
                 Place::Inside => -size,
                 Place::Outside => size,
             };
         }
-    }
-
-    /// The signed distance of a point whose place is known.
-    pub(super) fn distance_at(&self, point: [f32; 3], place: Place) -> f32 {
-        let mut distance = [0.0];
-        self.distances_at(&[point], &[place], &mut distance);
-        distance[0]
     }
 }
 

@@ -6,7 +6,7 @@ use canted_trace::with_stack;
 
 use super::{ClosestPoint, DistanceShape, PointLanes};
 use crate::bvh::WideBvh;
-use crate::leaf::{LeafPrimitive, near};
+use crate::leaf::{LeafPrimitive, each_near};
 use crate::node::{
     ALIGNED_LINES, ChildWord, DecodedWord, HalfBlock, NodeKind, Nodes, ORIENTED_LINES, node_words, rows,
 };
@@ -176,15 +176,8 @@ impl<P: LeafPrimitive> WideBvh<P> {
         let (path, nodes, frame) = (self.path, &self.nodes, &self.frame);
         if point.iter().all(|x| x.is_finite()) {
             with_stack(nodes.stack_len(), |stack| {
-                let leaf = &mut |leaf: LeafRange, near: u32, mut bound| {
-                    let mut place = 0;
-                    P::for_each_shape(&self.leaves, leaf, |primitive, shape| {
-                        if near >> place & 1 == 1 {
-                            bound = visit(primitive, shape, bound);
-                        }
-                        place += 1;
-                    });
-                    bound
+                let leaf = &mut |leaf, place, bound| {
+                    P::with_shape(&self.leaves, leaf, place, |primitive, shape| visit(primitive, shape, bound))
                 };
                 let blocks = P::leaf_data(&self.leaves).blocks;
                 // An empty slice need not be aligned.
@@ -205,7 +198,7 @@ fn limit_of(bound: f64) -> f32 {
     (bound as f32).next_up() + 4.0 * LEAST
 }
 
-/// Visits leaves nearer than a bound, nearest first. `leaf` gets the primitives that may be as near, by place in the leaf, and the bound, and returns the new one.
+/// Visits primitives that may be nearer than a bound. `leaf` gets one by its leaf and its place there, and the bound, and returns the new one.
 struct Search<'a> {
     nodes: &'a Nodes,
     frame: &'a MeshFrame,
@@ -226,17 +219,21 @@ impl Task for Search<'_> {
         let lanes = PointLanes::new(simd, point, frame);
         let [x, y, z] = point;
         let given = [simd.splat(x), simd.splat(y), simd.splat(z)];
-        let mut n_waiting = 0;
+        let (mut n_waiting, mut limit) = (0, limit_of(bound));
         let mut word = nodes.root;
         loop {
             match word.kind() {
                 DecodedWord::Leaf { first, n } => {
                     let range = LeafRange::new(first, n);
-                    let all = halves.is_empty();
-                    let near = if all { u32::MAX } else { near(simd, halves, range, given, limit_of(bound)) };
-                    if near != 0 {
-                        bound = leaf(range, near, bound);
+                    if halves.is_empty() {
+                        (0..n).for_each(|place| bound = leaf(range, place, bound));
+                    } else {
+                        each_near(simd, halves, range, given, limit, &mut |place| {
+                            bound = leaf(range, place, bound);
+                            limit_of(bound)
+                        });
                     }
+                    limit = limit_of(bound);
                 }
                 DecodedWord::Node(kind, line) => {
                     let lines = &nodes.lines;
@@ -245,8 +242,7 @@ impl Task for Search<'_> {
                         NodeKind::Aligned => lanes.aligned(simd, rows::<ALIGNED_LINES, 8>(lines, line)),
                         NodeKind::Oriented => lanes.oriented(simd, rows::<ORIENTED_LINES, 16>(lines, line)),
                     };
-                    let limit = simd.splat(limit_of(bound));
-                    let mut mask = simd.le(bounds, limit);
+                    let mut mask = simd.le(bounds, simd.splat(limit));
                     let bounds = simd.store(bounds);
                     let base = n_waiting;
                     while mask != 0 {
@@ -268,7 +264,7 @@ impl Task for Search<'_> {
                 }
                 n_waiting -= 1;
                 let key = stack[n_waiting];
-                if f32::from_bits((key >> 32) as u32) <= limit_of(bound) {
+                if f32::from_bits((key >> 32) as u32) <= limit {
                     word = ChildWord(key as u32);
                     break;
                 }

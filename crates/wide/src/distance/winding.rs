@@ -61,6 +61,8 @@ pub struct WindingNumbers {
     /// Each triangle once, those of a leaf together.
     triangles: Vec<[[f32; 3]; 3]>,
     is_oriented: bool,
+    /// Winding numbers are whole.
+    is_closed: bool,
 }
 
 /// Triangles that are seen together from far away.
@@ -135,7 +137,12 @@ impl TriangleBvh {
             };
             clusters[i] = Cluster { first, n, is_leaf, ..Cluster::joined(&parts) };
         }
-        WindingNumbers { clusters, is_oriented: is_oriented(&triangles), triangles }
+        WindingNumbers {
+            clusters,
+            is_oriented: is_oriented(&triangles),
+            is_closed: self.closed().by_winding,
+            triangles,
+        }
     }
 }
 
@@ -183,7 +190,11 @@ impl WindingNumbers {
     }
 
     fn place(&self, point: [f32; 3]) -> Place {
-        let sum = self.sum(point, |sum| sum.is_on_surface || (sum.number.abs() - 0.5).abs() > sum.error);
+        // Whole numbers are apart; others may be anywhere.
+        let is_certain = |sum: &Sum| {
+            if self.is_closed { sum.error < 0.5 } else { (sum.number.abs() - 0.5).abs() > sum.error }
+        };
+        let sum = self.sum(point, |sum| sum.is_on_surface || is_certain(sum));
         match sum.number.abs() > 0.5 {
             _ if sum.is_on_surface => Place::On,
             true => Place::Inside,
@@ -195,8 +206,9 @@ impl WindingNumbers {
     /// where [`WindingNumbers::contains`] is true.
     #[must_use]
     pub fn signed_distance(&self, bvh: &TriangleBvh, point: impl Into<[f32; 3]>) -> f32 {
-        let point = point.into();
-        bvh.distance_at(point, self.place(point))
+        let mut distance = [0.0];
+        self.signed_distance_many(bvh, &[point.into()], &mut distance);
+        distance[0]
     }
 
     /// The signed distance of each point, by its winding number; see [`WindingNumbers::signed_distance`].
@@ -204,9 +216,9 @@ impl WindingNumbers {
     /// # Panics
     /// Where the slices differ in length.
     pub fn signed_distance_many(&self, bvh: &TriangleBvh, points: &[[f32; 3]], distances: &mut [f32]) {
-        assert_eq!(points.len(), distances.len(), "one answer for each point");
-        let places: Vec<Place> = points.iter().map(|&point| self.place(point)).collect();
-        bvh.distances_at(points, &places, distances);
+        bvh.signed_by(points, self.is_closed, distances, |asked| {
+            asked.iter().map(|&point| self.place(point)).collect()
+        });
     }
 
     /// [`WindingNumbers::signed_distance_many`] on all threads.

@@ -14,7 +14,7 @@ pub use extents::{bounds_of_points, extent_of_box, extent_of_points};
 pub(crate) use primitive::{Placed, Shapes, extents_within};
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 pub use triangles::Triangle;
-pub(crate) use triangles::{Blocks, StoredTriangles, near, unused_lanes_are_zero};
+pub(crate) use triangles::{Blocks, StoredTriangles, each_near, unused_lanes_are_zero};
 
 use crate::traverse::LeafRange;
 
@@ -33,6 +33,15 @@ pub trait LeafPrimitive: Send + Sync + Sized {
     /// Calls `visit` with each primitive of a leaf and its shape.
     #[doc(hidden)]
     fn for_each_shape(leaves: &Self::Leaves, leaf: LeafRange, visit: impl FnMut(PrimId, &Self::Shape));
+
+    /// Calls `visit` with the primitive at a place of a leaf and its shape.
+    #[doc(hidden)]
+    fn with_shape<R>(
+        leaves: &Self::Leaves,
+        leaf: LeafRange,
+        place: u32,
+        visit: impl FnOnce(PrimId, &Self::Shape) -> R,
+    ) -> R;
 
     #[doc(hidden)]
     fn leaf_data(leaves: &Self::Leaves) -> LeafData<'_>;

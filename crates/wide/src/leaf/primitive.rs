@@ -235,6 +235,12 @@ impl<P: Primitive> LeafPrimitive for P {
         ids.iter().for_each(|&id| visit(id, &leaves.primitives[id.index()]));
     }
 
+    #[inline]
+    fn with_shape<R>(leaves: &Shapes<P>, leaf: LeafRange, place: u32, visit: impl FnOnce(PrimId, &P) -> R) -> R {
+        let id = leaves.order[(leaf.first + place) as usize];
+        visit(id, &leaves.primitives[id.index()])
+    }
+
     fn leaf_data(leaves: &Shapes<P>) -> LeafData<'_> {
         let n_bytes = size_of_val(&leaves.order[..]) + size_of_val(&leaves.primitives[..]);
         LeafData { blocks: &[], order: &leaves.order, n_bytes }

@@ -7,6 +7,7 @@ use canted_obb::PrimId;
 use canted_trace::TriangleTest;
 
 use super::{LeafData, LeafPrimitive};
+use crate::distance::{Closed, EdgeSums};
 use crate::node::checked::{CheckedLeaf, Hierarchy};
 use crate::node::{DecodedWord, HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, Nodes, PART_LANES, PARTS, Records};
 use crate::par;
@@ -25,7 +26,21 @@ impl LeafPrimitive for Triangle {
 
     #[inline]
     fn for_each_shape(Blocks { halves, .. }: &Blocks, leaf: LeafRange, mut visit: impl FnMut(PrimId, &[[f32; 3]; 3])) {
-        lanes(halves, leaf).for_each(|(block, lane)| visit(block.primitive(lane), &block.vertices(lane)));
+        for place in 0..leaf.n {
+            let (block, lane) = lane(halves, leaf, place);
+            visit(block.primitive(lane), &block.vertices(lane));
+        }
+    }
+
+    #[inline]
+    fn with_shape<R>(
+        Blocks { halves, .. }: &Blocks,
+        leaf: LeafRange,
+        place: u32,
+        visit: impl FnOnce(PrimId, &[[f32; 3]; 3]) -> R,
+    ) -> R {
+        let (block, lane) = lane(halves, leaf, place);
+        visit(block.primitive(lane), &block.vertices(lane))
     }
 
     fn leaf_data(Blocks { halves, lanes, .. }: &Blocks) -> LeafData<'_> {
@@ -34,30 +49,56 @@ impl LeafPrimitive for Triangle {
     }
 }
 
-/// Those of a leaf's triangles, by place in the leaf, that may be at most the root of `limit` away from a point; see [`Block::near`].
+/// Calls `visit` with the place of each triangle of a leaf that may be at most the root of a limit away from a point, those that seem nearest first. It
+/// returns what the limit is then, and so does this.
 #[inline(always)]
-pub(crate) fn near<S: Simd>(
+pub(crate) fn each_near<S: Simd>(
     simd: S,
     halves: &[HalfBlock],
-    LeafRange { first, n, .. }: LeafRange,
+    leaf: LeafRange,
     point: [S::F; 3],
-    limit: f32,
-) -> u32 {
-    let (half, part) = (first as usize / PARTS, first as usize % PARTS);
-    let mut near = 0;
-    for block in 0..n.div_ceil(8) {
-        let mask = Block::at(halves, half + 2 * block as usize, n - 8 * block).near(simd, point, limit);
-        near |= (mask >> (part * PART_LANES)) << (8 * block);
+    mut limit: f32,
+    visit: &mut dyn FnMut(u32) -> f32,
+) -> f32 {
+    let (half, first) = start(leaf);
+    for block in 0..leaf.n.div_ceil(8) {
+        let n = leaf.n - 8 * block;
+        let near = Block::at(halves, half + 2 * block as usize, n).near(simd, point, limit);
+        let mut waiting = near.lanes >> first & ((1 << n.min(8)) - 1);
+        let bound = |place: u32| near.bounds[place as usize + first];
+        while waiting != 0 {
+            let mut next = waiting.trailing_zeros();
+            let mut others = waiting & (waiting - 1);
+            while others != 0 {
+                let place = others.trailing_zeros();
+                others &= others - 1;
+                if bound(place) < bound(next) {
+                    next = place;
+                }
+            }
+            waiting &= !(1 << next);
+            // Not where the bound is NaN.
+            if bound(next) > limit {
+                continue;
+            }
+            limit = visit(8 * block + next);
+        }
     }
-    near
+    limit
 }
 
-/// The blocks and lanes of a leaf's triangles.
+/// The first half-block of a leaf, and its first lane there.
 #[inline]
-fn lanes(halves: &[HalfBlock], LeafRange { first, n, .. }: LeafRange) -> impl Iterator<Item = (Block<'_>, usize)> {
-    let (half, part) = (first as usize / PARTS, first as usize % PARTS);
-    (0..n)
-        .map(move |i| (Block::at(halves, half + i as usize / 8 * 2, n - i / 8 * 8), part * PART_LANES + i as usize % 8))
+fn start(LeafRange { first, .. }: LeafRange) -> (usize, usize) {
+    (first as usize / PARTS, first as usize % PARTS * PART_LANES)
+}
+
+/// The block and the lane of a leaf's triangle.
+#[inline]
+fn lane(halves: &[HalfBlock], leaf: LeafRange, place: u32) -> (Block<'_>, usize) {
+    let (half, first) = start(leaf);
+    let block = place / 8;
+    (Block::at(halves, half + 2 * block as usize, leaf.n - 8 * block), first + place as usize % 8)
 }
 
 /// All triangles of a BVH.
@@ -67,11 +108,13 @@ pub struct Blocks {
     pub(crate) test: TriangleTest,
     /// Of each triangle the first word, and in the lowest bit whether its rows have eight words.
     lanes: OnceLock<Vec<u32>>,
+    /// Until the vertices change.
+    closed: OnceLock<Closed>,
 }
 
 impl Blocks {
     pub(crate) fn new(halves: Records<HalfBlock>, test: TriangleTest) -> Self {
-        Self { halves, test, lanes: OnceLock::new() }
+        Self { halves, test, lanes: OnceLock::new(), closed: OnceLock::new() }
     }
 
     pub(crate) fn triangle(&self, nodes: &Nodes, n: usize, id: PrimId) -> [[f32; 3]; 3] {
@@ -85,6 +128,25 @@ impl Blocks {
         });
         let lane = lanes[id.index()];
         self.vertices(LaneWords { first: (lane >> 1) as usize, step: if lane & 1 == 0 { 4 } else { 8 } })
+    }
+
+    /// Whether the mesh of all `n` triangles is closed.
+    pub(crate) fn closed(&self, nodes: &Nodes, n: usize) -> Closed {
+        *self.closed.get_or_init(|| {
+            let (mut closed, mut is_known) = (EdgeSums::default(), vec![false; n]);
+            self.each_triangle(nodes, |id, lane| {
+                // Spatial splits refer to a triangle from several leaves.
+                if !std::mem::replace(&mut is_known[id.index()], true) {
+                    closed.add(self.vertices(lane));
+                }
+            });
+            closed.closed()
+        })
+    }
+
+    /// Forgets what depends on the vertices.
+    pub(crate) fn vertices_changed(&mut self) {
+        self.closed.take();
     }
 
     pub(crate) fn each_triangle(&self, nodes: &Nodes, mut visit: impl FnMut(PrimId, LaneWords)) {

@@ -2,10 +2,10 @@
 #![expect(unsafe_code, reason = "intrinsics; each block says why it is sound")]
 
 use std::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_cmp_ps,
-    _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps,
-    _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_storeu_ps,
-    _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps, _mm256_zextps128_ps256,
+    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
+    _mm256_cmp_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_loadu_ps, _mm256_max_ps,
+    _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps,
+    _mm256_storeu_ps, _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps, _mm256_zextps128_ps256,
 };
 
 use super::{Simd, Task};
@@ -56,6 +56,7 @@ impl Simd for Avx2 {
         fn mul_add(a, b, c) = _mm256_fmadd_ps(a, b, c);
         fn mul_sub(a, b, c) = _mm256_fmsub_ps(a, b, c);
         fn neg_mul_sub(a, b, c) = _mm256_fnmsub_ps(a, b, c);
+        fn pick(a, b, x, y) = _mm256_blendv_ps(y, x, _mm256_cmp_ps::<_CMP_LT_OQ>(a, b));
         fn power_of_two(a) = _mm256_and_ps(a, _mm256_set1_ps(f32::INFINITY));
         fn abs(a) = _mm256_andnot_ps(_mm256_set1_ps(-0.0), a);
         fn xor_sign(a, b) = _mm256_xor_ps(a, _mm256_and_ps(b, _mm256_set1_ps(-0.0)));

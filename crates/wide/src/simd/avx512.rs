@@ -55,6 +55,7 @@ impl Simd for Avx512 {
         fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256;
         fn mul_sub(a: __m256, b: __m256, c: __m256) -> __m256;
         fn neg_mul_sub(a: __m256, b: __m256, c: __m256) -> __m256;
+        fn pick(a: __m256, b: __m256, x: __m256, y: __m256) -> __m256;
         fn power_of_two(a: __m256) -> __m256;
         fn transpose(rows: [__m256; 8]) -> [__m256; 8];
         fn abs(a: __m256) -> __m256;

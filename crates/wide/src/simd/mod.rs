@@ -78,6 +78,8 @@ pub(crate) trait Simd: Copy {
     fn abs(self, a: Self::F) -> Self::F;
     /// `a` with its sign flipped where `b` is negative.
     fn xor_sign(self, a: Self::F, b: Self::F) -> Self::F;
+    /// Lanes of `x` where `a < b`, else those of `y`.
+    fn pick(self, a: Self::F, b: Self::F, x: Self::F, y: Self::F) -> Self::F;
     /// The power of two at or below `|a|`, where that is normal and finite.
     fn power_of_two(self, a: Self::F) -> Self::F;
     /// Lane `j` of row `i` becomes lane `i` of row `j`.

@@ -89,6 +89,7 @@ impl Simd for Neon {
         // Flipping the sign of `c` first is exact, zeros included.
         fn mul_sub(a, b, c) = vfmaq_f32(vnegq_f32(c), a, b);
         fn neg_mul_sub(a, b, c) = vfmsq_f32(vnegq_f32(c), a, b);
+        fn pick(a, b, x, y) = vbslq_f32(vcltq_f32(a, b), x, y);
         fn abs(a) = vabsq_f32(a);
         fn power_of_two(a) = vreinterpretq_f32_u32(vandq_u32(vreinterpretq_u32_f32(a), vdupq_n_u32(0x7f80_0000)));
         fn xor_sign(a, b) = vreinterpretq_f32_u32(veorq_u32(

@@ -35,6 +35,7 @@ impl Simd for Scalar {
         fn neg_mul_sub(a, b, c) = -(a * b) - c;
         fn min(a, b) = if a < b { a } else { b };
         fn max(a, b) = if a > b { a } else { b };
+        fn pick(a, b, x, y) = if a < b { x } else { y };
         fn abs(a) = a.abs();
         fn power_of_two(a) = f32::from_bits(a.to_bits() & 0x7f80_0000);
         fn xor_sign(a, b) = f32::from_bits(a.to_bits() ^ (b.to_bits() & 0x8000_0000));

@@ -2,7 +2,8 @@
 
 use std::arch::wasm32::{
     f32x4, f32x4_abs, f32x4_add, f32x4_div, f32x4_extract_lane, f32x4_le, f32x4_lt, f32x4_mul, f32x4_neg, f32x4_pmax,
-    f32x4_pmin, f32x4_splat, f32x4_sub, i32x4_bitmask, i32x4_shuffle, u32x4_splat, v128, v128_and, v128_xor,
+    f32x4_pmin, f32x4_splat, f32x4_sub, i32x4_bitmask, i32x4_shuffle, u32x4_splat, v128, v128_and, v128_bitselect,
+    v128_xor,
 };
 
 use super::{Simd, Task};
@@ -64,6 +65,7 @@ impl Simd for Simd128 {
         // These return their first operand unless the second one is less or greater.
         fn min(a, b) = f32x4_pmin(b, a);
         fn max(a, b) = f32x4_pmax(b, a);
+        fn pick(a, b, x, y) = v128_bitselect(x, y, f32x4_lt(a, b));
         fn abs(a) = f32x4_abs(a);
         fn power_of_two(a) = v128_and(a, u32x4_splat(0x7f80_0000));
         fn xor_sign(a, b) = v128_xor(a, v128_and(b, u32x4_splat(1 << 31)));

@@ -34,6 +34,7 @@ impl Task for Every {
             ("transpose 6", bits(simd.store(simd.transpose([a, b, c, a, b, c, b, a])[6]))),
             ("abs", bits(simd.store(simd.abs(a)))),
             ("xor_sign", bits(simd.store(simd.xor_sign(a, b)))),
+            ("pick", bits(simd.store(simd.pick(a, b, c, a)))),
             ("lt", [simd.lt(a, b); 8]),
             ("le", [simd.le(a, b); 8]),
             ("mul_add", bits(simd.store(simd.mul_add(a, b, c)))),

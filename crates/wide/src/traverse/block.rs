@@ -12,9 +12,6 @@ use crate::simd::Simd;
 /// What roundings may add to a squared lower bound.
 pub(crate) const SHRINK: f32 = 1.0 - 32.0 * U;
 
-/// What distances of triangles may fall short of the true ones, relative to the coordinates: 2^-40.
-const NEAR_PAD: f32 = f32::from_bits((127 - 40) << 23);
-
 /// What the lanes' filters need of a ray.
 #[derive(Clone, Copy)]
 pub(crate) struct RayTriangles<S: Simd> {
@@ -103,7 +100,7 @@ impl<'a> Block<'a> {
     }
 
     #[inline(always)]
-    fn row<S: Simd>(&self, simd: S, row: usize) -> S::F {
+    pub(super) fn row<S: Simd>(&self, simd: S, row: usize) -> S::F {
         match self {
             Self::Eight(rows) => simd.load(&rows[row]),
             Self::Four(rows) => simd.load_half(&rows[row]),
@@ -128,39 +125,6 @@ impl<'a> Block<'a> {
     #[inline(always)]
     pub(crate) fn primitive(&self, lane: usize) -> PrimId {
         PrimId(self.value(9, lane).to_bits())
-    }
-
-    /// Lanes whose triangle may be at most the root of `limit` away from `point`: by the distance to the box around it.
-    ///
-    /// # Error
-    /// A gap `lo - p` or `p - hi` is rounded once, so by u of itself; three squares and their sum by fewer than 8 u of themselves, which [`SHRINK`] covers.
-    /// Distances of triangles, in f64, fall short of the true ones by less than 2^-48 of the coordinates; each gap is shortened by 2^-40 of them, and so is the length of
-    /// all three, or more. What overflows or is NaN is kept.
-    #[inline(always)]
-    pub(crate) fn near<S: Simd>(&self, simd: S, point: [S::F; 3], limit: f32) -> u32 {
-        self.near_by(simd, point, limit, [NEAR_PAD, SHRINK])
-    }
-
-    /// [`Block::near`] with these bounds of its errors: a part of the coordinates, and a factor of squares.
-    #[inline(always)]
-    fn near_by<S: Simd>(&self, simd: S, point: [S::F; 3], limit: f32, [pad, shrink]: [f32; 2]) -> u32 {
-        let zero = simd.splat(0.0);
-        let (mut lo, mut hi, mut size) = ([zero; 3], [zero; 3], zero);
-        for k in 0..3 {
-            let (a, b, c) = (self.row(simd, k), self.row(simd, 3 + k), self.row(simd, 6 + k));
-            lo[k] = simd.min(simd.min(a, b), c);
-            hi[k] = simd.max(simd.max(a, b), c);
-            size = simd.max(simd.max(size, simd.abs(point[k])), simd.max(simd.abs(lo[k]), simd.abs(hi[k])));
-        }
-        let pad = simd.add(simd.mul(simd.splat(2.0 * pad), size), simd.splat(f32::MIN_POSITIVE));
-        let mut sum = zero;
-        for k in 0..3 {
-            let gap = simd.max(simd.sub(lo[k], point[k]), simd.sub(point[k], hi[k]));
-            let gap = simd.max(simd.sub(gap, pad), zero);
-            sum = simd.add(sum, simd.mul(gap, gap));
-        }
-        let least = simd.min(simd.mul(sum, simd.splat(shrink)), simd.splat(f32::MAX));
-        !simd.lt(simd.splat(limit), least) & 0xff
     }
 
     /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them. The kernel is the watertight one
@@ -353,62 +317,6 @@ mod tests {
             assert_eq!(found.sure & !found.mask, 0);
             found.sure != 0
         }
-    }
-
-    /// Whether a triangle may be near a point, by bounds of the errors.
-    struct Near<'a>(&'a [[f32; 3]; 3], [f32; 3], f32, [f32; 2]);
-
-    impl Task for Near<'_> {
-        type Output = bool;
-
-        #[inline(always)]
-        fn on<S: Simd>(self, simd: S) -> bool {
-            let Self(vertices, [x, y, z], limit, bounds) = self;
-            let mut rows = [[0.0; 8]; 10];
-            for (row, x) in rows.iter_mut().zip(vertices.as_flattened()) {
-                *row = [*x; 8];
-            }
-            let point = [simd.splat(x), simd.splat(y), simd.splat(z)];
-            Block::Eight(&rows).near_by(simd, point, limit, bounds) != 0
-        }
-    }
-
-    /// Of triangles across an axis the distance is that from the box, so that every rounding counts.
-    #[test]
-    fn no_triangle_at_the_limit_is_skipped_and_those_beyond_it_are() {
-        let mut rng = SplitMix64::new(6);
-        let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
-        let (mut n_near, mut n_beyond) = (0, 0);
-        // How many are skipped without the factor, and without both parts of the bound. The other part is for errors of distances in `f64`, which these
-        // triangles do not have.
-        let mut n_lost = [0; 2];
-        for round in 0..30_000 {
-            let far = [0.0, 1.0, 1e4, 1e7, 1e30][round % 5];
-            let size = [1.0, 1e-3, 1e4][round / 5 % 3] * if far > 1e20 { 1e28 } else { 1.0 };
-            let plane = far * unit();
-            let mut vertex = || [plane, far + size * unit(), size * unit()];
-            let vertices = [vertex(), vertex(), vertex()];
-            let inside: [f32; 3] = [0, 1, 2].map(|k| (0..3).map(|i| [0.3, 0.3, 0.4][i] * vertices[i][k]).sum());
-            let point = [inside[0] + size * unit(), inside[1], inside[2]];
-            let distance = canted_trace::closest_point_on_triangle(point, &vertices).distance_squared;
-            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-                let is_near_by = |limit: f32, bounds| path.available().run(Near(&vertices, point, limit, bounds));
-                let is_near = |limit: f64| is_near_by(limit as f32, [NEAR_PAD, SHRINK]);
-                let least = canted_obb::round::up(distance);
-                assert!(is_near_by(least, [NEAR_PAD, SHRINK]), "{}: {vertices:?} {point:?}", path.name());
-                n_near += 1;
-                for (n, bounds) in n_lost.iter_mut().zip([[NEAR_PAD, 1.0], [0.0, 1.0]]) {
-                    *n += usize::from(!is_near_by(least, bounds));
-                }
-                // Beyond by more than roundings of coordinates.
-                if distance.sqrt() > 1e-3 * f64::from(far) && distance > 1e-30 && distance < 1e36 {
-                    assert!(!is_near(0.99 * distance), "{}: {vertices:?} {point:?}", path.name());
-                    n_beyond += 1;
-                }
-            }
-        }
-        assert!(n_near > 50_000 && n_beyond > 10_000, "{n_near} near, {n_beyond} beyond");
-        assert!(n_lost.iter().all(|&n| n > 0), "{n_lost:?} lost without bounds");
     }
 
     #[test]

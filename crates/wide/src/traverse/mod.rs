@@ -67,6 +67,7 @@
 mod block;
 mod eight;
 mod hulls;
+mod near;
 mod ray;
 mod walk;
 

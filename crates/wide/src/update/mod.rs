@@ -170,7 +170,9 @@ impl TriangleBvh {
             |units: &[HalfBlock], first, n, items: Option<&mut Vec<Corners>>| leaves.before(units, first, n, items);
         let after =
             |units: &mut [HalfBlock], first, n, items: Option<&mut Vec<Corners>>| leaves.after(units, first, n, items);
-        Ok(bvh.update(&mut self.leaves.halves, PARTS, &before, &after))
+        let refit = bvh.update(&mut self.leaves.halves, PARTS, &before, &after);
+        self.leaves.vertices_changed();
+        Ok(refit)
     }
 }
 
