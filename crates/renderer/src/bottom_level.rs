@@ -266,6 +266,9 @@ impl SceneBvhConfig {
     pub(crate) fn build(&self, of: Triangles) -> Result<BottomLevel, PrepareError> {
         let Triangles { positions, close, triangles, curves } = of;
         if let Some((mesh, curves)) = curves {
+            if close.is_some() {
+                return Err(PrepareError::MovingCurves);
+            }
             return self.build_curves(mesh, curves);
         }
         if let Some(close) = close {

@@ -54,26 +54,6 @@ pub struct Config {
 }
 
 impl Config {
-    /// For nearest points and signed distances: [`Preset::Balanced`] with leaves of at most two primitives.
-    ///
-    /// A search for a nearest point tests the boxes of eight triangles of a leaf at once, and the distance to those that may be nearer. On thin meshes small leaves are faster
-    /// nevertheless: 10,000 points in the bounds of a truss take 0.7 of the time of `Balanced`, of a terrain as long, of a compact blob 1.15. Rays take longer, and the BVH more memory. Answers
-    /// do not depend on it.
-    ///
-    /// ```
-    /// use canted_wide::{Config, TriangleBvh};
-    ///
-    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    /// let bvh = TriangleBvh::build_with(&positions, &[[0, 1, 2]], Config::for_distances())?;
-    /// assert_eq!(bvh.nearest_point([0.25, 0.25, 2.0], f32::INFINITY).map(|nearest| nearest.distance), Some(2.0));
-    /// # Ok::<(), canted_lbvh::GeometryError>(())
-    /// ```
-    #[must_use]
-    pub fn for_distances() -> Self {
-        let balanced = Self::preset(Preset::Balanced);
-        Self { costs: Costs { max_leaf: 2, ..balanced.costs }, ..balanced }
-    }
-
     /// The usual settings.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {

@@ -5,7 +5,7 @@
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::{Obb, PrimId};
 use canted_trace::{Convex, Overlaps, Sphere, closest_point_on_triangle};
-use canted_wide::{Config, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
+use canted_wide::{Config, Costs, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
 
 fn corners(mesh: &Mesh, triangle: usize) -> [[f32; 3]; 3] {
     mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
@@ -97,12 +97,14 @@ fn nearest_triangles_are_those_of_a_loop() {
     }
 }
 
-/// Leaves for distances hold at most two triangles; the answers are the same.
+/// Leaves of at most two triangles give the same answers.
 #[test]
 fn nearest_answers_do_not_depend_on_the_leaves() {
     for (name, mesh) in meshes() {
         let usual = build(&mesh, Preset::Balanced);
-        let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::for_distances()).unwrap();
+        let balanced = Config::preset(Preset::Balanced);
+        let config = Config { costs: Costs { max_leaf: 2, ..balanced.costs }, ..balanced };
+        let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
         let points = points(&mesh, 19, 100);
         let (mut nearest, mut others) = (vec![None; points.len()], vec![None; points.len()]);
         usual.nearest_point_many(&points, f32::INFINITY, &mut nearest);

@@ -3,7 +3,7 @@
 use canted_film::Pixel;
 use canted_obb::Affine;
 use canted_renderer::{BvhKind, Cone, Integrator, Levels, PrepareError, SceneBvh, SceneBvhConfig, Settings, Surfaces};
-use canted_scene::{CurveSegments, CurveShape, Curves, Mesh, Scene};
+use canted_scene::{CurveSegments, CurveShape, Curves, Mesh, MeshClose, Scene};
 use canted_trace::{Intersect as _, Ray};
 
 use super::common::{
@@ -124,6 +124,12 @@ fn colors_of_points_are_mixed() {
 #[test]
 fn curves_and_triangles_are_under_one_top() {
     let tube = curves(vec![[-3.0, 1.0, 0.0], [3.0, 1.0, 0.0]], vec![0.5; 2], CurveSegments::Linear(vec![[0, 1]]));
+    let close = MeshClose { positions: tube.positions.clone(), normals: None, tangents: None };
+    let moving = scene(vec![Mesh { close: Some(close), ..tube.clone() }], vec![gray(0.5)]);
+    for levels in [Levels::One, Levels::Two] {
+        let config = SceneBvhConfig { levels, ..SceneBvhConfig::default() };
+        assert_eq!(SceneBvh::build(&moving, &config).err(), Some(PrepareError::MovingCurves));
+    }
     let stage = scene(vec![floor(10.0, 0.0, 0), tube, cuboid([4.0, 0.0, -1.0], [5.0, 1.0, 1.0], 0)], vec![gray(0.5)]);
     let bvh = prepared(&stage, Levels::One);
     let hit = |x: f32| {
