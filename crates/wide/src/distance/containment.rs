@@ -10,9 +10,9 @@ use std::cmp::Ordering;
 use canted_obb::{PrimId, orient_2d, orient_3d};
 use canted_trace::{Ray, ScaledRay, with_stack};
 
-use super::boundary::{Closed, Sides};
+use super::sides::Sides;
 use crate::bvh::TriangleBvh;
-use crate::leaf::{LeafPrimitive, Triangle};
+use crate::leaf::{Closed, LeafPrimitive, Triangle};
 use crate::node::NodeKind;
 use crate::par;
 use crate::simd::{Simd, Task};

@@ -3,7 +3,7 @@
 //! ```text
 //! point          -> PointLanes -> lower bounds of eight children -> nearest.rs      nearest point, k nearest, signed distance
 //! point          -> upward ray -> exact orientation              -> containment.rs  inside of a closed mesh
-//! points         -> edges that cancel, balls without surface      -> boundary.rs     points on the same side of a closed mesh
+//! points         -> balls that hold no surface                   -> sides.rs        points on the same side of a closed mesh
 //! point          -> clusters far away, triangles close by     -> winding.rs      winding number, also of meshes that are not closed
 //! convex, sphere -> eight children                               -> overlap.rs      all primitives that overlap a region
 //! ```
@@ -28,10 +28,10 @@
 //! Distances of primitives are computed in f64 and fall short of the true ones by less than 2^-48·S, which the pads cover,
 //! too. What underflows makes a bound smaller; what overflows is replaced by the greatest number.
 
-mod boundary;
 mod containment;
 mod nearest;
 mod overlap;
+mod sides;
 mod winding;
 
 use canted_obb::Aabb;
@@ -43,7 +43,6 @@ use crate::node::Row;
 use crate::simd::Simd;
 use crate::traverse::{MeshFrame, SHRINK};
 
-pub(crate) use boundary::{Closed, EdgeSums};
 pub use containment::Place;
 pub use nearest::{Found, NearestList, NearestPoint};
 pub use winding::WindingNumbers;

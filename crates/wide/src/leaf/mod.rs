@@ -1,5 +1,6 @@
 //! What the leaves of a BVH hold, in the form that traversal uses.
 
+mod closed;
 mod extents;
 mod primitive;
 mod quadrics;
@@ -10,6 +11,7 @@ mod triangles;
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Side};
 
+pub(crate) use closed::Closed;
 pub use extents::{bounds_of_points, extent_of_box, extent_of_points};
 pub(crate) use primitive::{Placed, Shapes, extents_within};
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive};

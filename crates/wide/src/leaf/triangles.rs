@@ -6,8 +6,8 @@ use canted_lbvh::Corners;
 use canted_obb::PrimId;
 use canted_trace::TriangleTest;
 
+use super::closed::{Closed, EdgeSums};
 use super::{LeafData, LeafPrimitive};
-use crate::distance::{Closed, EdgeSums};
 use crate::node::checked::{CheckedLeaf, Hierarchy};
 use crate::node::{DecodedWord, HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, Nodes, PART_LANES, PARTS, Records};
 use crate::par;
