@@ -25,7 +25,8 @@ use crate::instance::{Columns, Rows, row_sum_norm};
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 6;
 
-/// What roundings may add to the sum of two distances, relative to the coordinates.
+/// What roundings mostly add to the sum of two distances at most, relative to the coordinates. Where they add more, as beside a much larger triangle, nothing is found
+/// within the sum, and the search starts again without it.
 const STEP_ERROR: f64 = 64.0 * f64::EPSILON;
 
 /// A point of a triangle of an instance near a query point, world space.
@@ -128,6 +129,9 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
                 max_distance.min(length(sub(point, other)) + distance + STEP_ERROR * size)
             });
             self.nearest_points(point, 1, within, &mut found);
+            if found.is_empty() && within < max_distance {
+                self.nearest_points(point, 1, max_distance, &mut found);
+            }
             *nearest = found.pop();
             last = nearest.map(|nearest| (point, nearest.distance));
         }

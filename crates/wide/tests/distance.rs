@@ -592,11 +592,25 @@ fn grids_of_signed_distances() {
     (0..turned.triangles.len()).step_by(3).for_each(|i| turned.triangles[i].swap(1, 2));
     let nested = fixtures::icosphere(2).joined(&fixtures::icosphere(2).placed(|p| p.map(|x| 0.5 * x)));
     let far = fixtures::torus(24, 12).placed(|p| p.map(|x| x + 1e5));
-    for (name, mesh) in [("torus", fixtures::torus(24, 12)), ("turned", turned), ("nested", nested), ("far", far)] {
-        let ([min, max], n) = (mesh.bounds(), 12);
+    // Much larger than the grid, with points along the normals of a side through the origin: distances grow by the step itself, but for roundings of the size of the mesh.
+    let wall = Mesh {
+        positions: vec![
+            [1068.0, 8814.0, -9348.0],
+            [-2058.0, -3954.0, 4983.0],
+            [16370.0, -8537.0, 352.0],
+            [1e4, 2e4, 2e4],
+        ],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    };
+    let meshes =
+        [("torus", fixtures::torus(24, 12)), ("turned", turned), ("nested", nested), ("far", far), ("wall", wall)];
+    for (name, mesh) in meshes {
+        let ([min, max], n) = if name == "wall" { ([[-10.0; 3], [10.0; 3]], 20) } else { (mesh.bounds(), 12) };
         let at = |i: usize, k: usize| min[k] + (max[k] - min[k]) * ((i as f32 + 0.5) * 1.4 / n as f32 - 0.2);
-        let points: Vec<[f32; 3]> =
-            (0..n * n * n).map(|i| [at(i / n / n, 0), at(i / n % n, 1), at(i % n, 2)]).collect();
+        let normals = (0..400)
+            .flat_map(|i| [0.5_f32, 1.0, -0.25, -2.0].map(|x| [1.0, 2.0, 2.0].map(|n| n * x * (1.0 + i as f32))));
+        let grid = (0..n * n * n).map(|i| [at(i / n / n, 0), at(i / n % n, 1), at(i % n, 2)]);
+        let points: Vec<[f32; 3]> = grid.chain(normals).collect();
         let mut bvh = build(&mesh, Preset::Balanced);
         let closed = check(name, &bvh, &points);
         let opened = |i: u32| mesh.triangles[i as usize].map(|_| mesh.triangles[0][0]);
@@ -605,9 +619,29 @@ fn grids_of_signed_distances() {
             .collect();
         bvh.refit(&mesh.positions, &open).unwrap();
         let open = check(&format!("open {name}"), &bvh, &points);
-        assert!(name == "turned" || bits(&open) != bits(&closed), "{name}");
+        assert!(matches!(name, "turned" | "wall") || bits(&open) != bits(&closed), "{name}");
         bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert_eq!(bits(&check(name, &bvh, &points)), bits(&closed), "{name}");
+    }
+}
+
+/// Where distances are greater than `f32` holds, and where they are no normal numbers.
+#[test]
+fn signed_distances_at_the_ends_of_the_range() {
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let least = |x: [i32; 3]| x.map(|x| x as f32 * f32::from_bits(1));
+    let small = [[-2, 1, 21], [26, 36, -20], [36, -38, -29], [-15, 30, -6]].map(least);
+    let great =
+        [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|p: [f32; 3]| p.map(|x| 2e38 + 1e38 * x));
+    let points = [[[-18, -8, 2], [1, 3, 3]].map(least), [[-3e38; 3], [2.1e38; 3]]];
+    for (positions, points) in [small, great].iter().zip(points) {
+        let bvh = TriangleBvh::build(positions, &faces).unwrap();
+        for points in [points, [points[1], points[0]]] {
+            let mut signed = [0.0; 2];
+            bvh.signed_distance_many(&points, &mut signed);
+            let singles = points.map(|point| bvh.signed_distance(point));
+            assert_eq!(signed.map(f32::to_bits), singles.map(f32::to_bits), "{points:?} {signed:?} {singles:?}");
+        }
     }
 }
 

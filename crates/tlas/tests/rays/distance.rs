@@ -173,6 +173,24 @@ fn a_point_is_inside_of_any_instance() {
     }
 }
 
+/// Beside a triangle that is much larger than the steps, roundings are greater than those of the points: nothing is lost.
+#[test]
+fn slices_of_points_beside_a_wall() {
+    let wall = Mesh {
+        positions: vec![[1068.0, 8814.0, -9348.0], [-2058.0, -3954.0, 4983.0], [16370.0, -8537.0, 352.0]],
+        triangles: vec![[0, 1, 2]],
+    };
+    let tlas = tlas_of(&[wall], &[Instance::new(0, Affine::IDENTITY)], Preset::Fast);
+    let steps = [0.5, 1.0, -0.25, -2.0, 4.0];
+    let points: Vec<[f64; 3]> =
+        (0..1000).map(|i| [1.0, 2.0, 2.0].map(|n| n * steps[i % 5] * (1.0 + 0.37 * i as f64))).collect();
+    let mut nearest = vec![None; points.len()];
+    tlas.nearest_point_many(&points, f64::INFINITY, &mut nearest);
+    for (&point, nearest) in points.iter().zip(&nearest) {
+        assert!(nearest.is_some() && *nearest == tlas.nearest_point(point, f64::INFINITY), "{point:?}");
+    }
+}
+
 /// Answers of slices are those of single points, and signs those of containment.
 #[test]
 fn slices_of_points() {

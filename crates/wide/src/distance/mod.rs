@@ -25,7 +25,7 @@
 //! *Moved coordinates.* `p` and `x` are rounded when they are made relative to the reference point (`ReferencePoint`), by u·|p|∞ and u·ρ∞ per
 //! coordinate: along a row √3·u·S more, where rows are not those of the identity. The planes have as much more for ρ∞, the point for `|p|∞`.
 //! *Squares.* Products, sums, `s` and the quotient take fewer than 16 roundings: [`SHRINK`] is 1 - 2^-19.
-//! Distances of primitives are computed in f64 and fall short of the true ones by less than 2^-48·S, which the pads cover,
+//! Distances of primitives are computed in f64 and fall short of the true ones by less than 2^-46·S, which the pads cover,
 //! too. What underflows makes a bound smaller; what overflows is replaced by the greatest number.
 
 mod containment;

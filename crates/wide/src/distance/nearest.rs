@@ -17,7 +17,8 @@ use crate::traverse::{LeafRange, MeshFrame};
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 8;
 
-/// What roundings may add to a sum of two distances, relative to the coordinates, and to its square.
+/// What roundings mostly add to a sum of two distances at most, relative to the coordinates, and to its square. Where a triangle is much larger they may add more:
+/// then nothing is found within the sum, and the search starts again without it.
 const STEP_ERROR: f64 = 64.0 * f64::EPSILON;
 
 /// A primitive near a query point.
@@ -141,12 +142,16 @@ where
                     length(sub(point, other)) + distance + STEP_ERROR * (reach(point).max(reach(other)) + distance);
                 limit.min(sum * sum * (1.0 + STEP_ERROR))
             });
-            let mut collector = NearestList::new(1, within);
-            self.collect_near(point, within, |found| {
-                collector.take(found);
-                collector.bound()
-            });
-            let found = collector.found.pop();
+            let search = |limit: f64| {
+                let mut collector = NearestList::new(1, limit);
+                self.collect_near(point, limit, |found| {
+                    collector.take(found);
+                    collector.bound()
+                });
+                collector.found.pop()
+            };
+            // What is found within a bound is the nearest.
+            let found = search(within).or_else(|| if within < limit { search(limit) } else { None });
             last = found.map(|found| (point, found.0.sqrt()));
             *nearest = found.map(NearestPoint::from);
         }

@@ -14,6 +14,9 @@ use crate::bvh::TriangleBvh;
 /// the error of the closest point ([`canted_trace::closest_point_on_triangle`]), 2^-24 of the distance that of `f32`: less than 2^-21 in all, doubled.
 const MARGIN: f64 = 1.0 / (1 << 20) as f64;
 
+/// More than the rounding of a distance that is no normal number.
+const LEAST: f64 = f32::MIN_POSITIVE as f64;
+
 /// A point, how far the surface is, and which of the points that were asked for is on its side.
 #[derive(Clone, Copy)]
 struct Known {
@@ -49,9 +52,10 @@ impl Sides {
             let (point, distance) =
                 (to_f64(point), nearest.map_or(f64::INFINITY, |nearest| f64::from(nearest.distance)));
             let is_beside = |other: &Known| {
-                let margin = MARGIN * (extent.max(reach(point)).max(reach(other.point)));
-                // False for what is not a number, and for points that are infinitely far apart.
-                length(sub(point, other.point)) + margin < distance.max(other.distance)
+                let margin = MARGIN * (extent.max(reach(point)).max(reach(other.point))) + LEAST;
+                // An infinite distance is one that `f32` does not hold. False for what is not a number.
+                let distance = distance.max(other.distance);
+                distance.is_finite() && length(sub(point, other.point)) + margin < distance
             };
             let asked = known.into_iter().flatten().find(is_beside).map_or_else(
                 || {

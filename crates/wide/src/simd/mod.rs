@@ -1,8 +1,8 @@
 //! Eight lanes of `f32` with the instructions of the machine.
 //!
 //! Traversal is written once over [`Simd`]; a path is a token that proves that its instructions are available. All paths
-//! round each operation as IEEE 754 requires, except [`Simd::mul_add`], which may round once or twice: box tests are padded
-//! for both, and triangle filters do not use it. So hits are the same bits on every path.
+//! round each operation as IEEE 754 requires, except [`Simd::mul_add`], which may round once or twice: tests of boxes and distances are padded
+//! for both, and filters of rays and triangles do not use it. So hits are the same bits on every path.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -70,9 +70,9 @@ pub(crate) trait Simd: Copy {
     fn mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// `-(a · b) - c`, rounded once or twice.
     fn neg_mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
-    /// The lesser; `b` of equals, and either operand where one is NaN.
+    /// The lesser; `b` of equals, and where one is NaN.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The greater; `b` of equals, and either operand where one is NaN.
+    /// The greater; `b` of equals, and where one is NaN.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// `|a|`.
     fn abs(self, a: Self::F) -> Self::F;

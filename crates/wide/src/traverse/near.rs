@@ -76,7 +76,7 @@ impl<S: Simd> Lanes<S> {
     ///
     /// # Error
     /// A gap `lo - p` or `p - hi` is rounded once, so by u of itself; three squares and their sum by fewer than 8 u of themselves, which [`SHRINK`] covers.
-    /// Distances of triangles, in f64, fall short of the true ones by less than 2^-48 of the coordinates; each gap is shortened by 2^-40 of them, and so is the length of
+    /// Distances of triangles, in f64, fall short of the true ones by less than 2^-46 of the coordinates; each gap is shortened by 2^-40 of them, and so is the length of
     /// all three, or more.
     #[inline(always)]
     fn by_boxes(&self) -> S::F {
@@ -91,10 +91,10 @@ impl<S: Simd> Lanes<S> {
         self.greatest(simd.mul(sum, simd.splat(self.bounds.shrink)))
     }
 
-    /// What overflows is within any limit that does.
+    /// What overflows is within any limit that does; NaN stays, and is within any.
     #[inline(always)]
     fn greatest(&self, bound: S::F) -> S::F {
-        self.simd.min(bound, self.simd.splat(f32::MAX))
+        self.simd.min(self.simd.splat(f32::MAX), bound)
     }
 
     #[inline(always)]
@@ -221,6 +221,23 @@ mod tests {
             let lanes = Lanes::new(simd, &Block::Eight(&rows), point, bounds);
             [lanes.by_boxes(), lanes.by_closest()].map(|bounds| lanes.within(bounds, limit) != 0)
         }
+    }
+
+    /// Above a vertex the weights of the plane are small where its square overflows: what is not a number is kept.
+    #[test]
+    fn nothing_that_overflows_is_skipped() {
+        let mut n_finite = 0;
+        for (edge, height, offset) in [(8e12, 8e12, 0.1), (1e13, 1e13, 0.1), (1e15, 1e9, 1e-8), (1e18, 1e5, 1e-20)] {
+            let vertices = [[0.0, 0.0, 0.0], [edge, 0.0, 0.0], [0.0, edge, 0.0]];
+            let point = [offset, offset, height];
+            let limit = canted_obb::round::up(f64::from(height) * f64::from(height));
+            n_finite += usize::from(limit < f32::MAX);
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let near = path.available().run(Near(&vertices, point, limit, BOUNDS));
+                assert_eq!(near, [true; 2], "{} {edge:e} {height:e}", path.name());
+            }
+        }
+        assert_eq!(n_finite, 4);
     }
 
     /// Of triangles across an axis the distance is that from the box, so that every rounding counts; those in any position are beyond by the closest point alone.
