@@ -9,9 +9,7 @@ use super::header::{CHECKSUM_BYTES, HEADER_BYTES};
 use super::{LoadError, MapError, SIZES, sections, test_of};
 use crate::bvh::TriangleBvh;
 use crate::leaf::Blocks;
-#[cfg(any(unix, windows))]
-use crate::node::Map;
-use crate::node::{CacheLine, HalfBlock, Nodes, Records};
+use crate::node::{CacheLine, HalfBlock, Map, Nodes, Records};
 
 impl TriangleBvh {
     /// The BVH in a file that holds the bytes of [`TriangleBvh::to_bytes`], without a copy: rays are traced from the pages of the file.
@@ -36,7 +34,6 @@ impl TriangleBvh {
     /// # Errors
     /// As [`TriangleBvh::map`].
     pub fn map_part(path: &Path, first: u64, test: Option<TriangleTest>) -> Result<Self, MapError> {
-        #[cfg(any(unix, windows))]
         if let Some(map) = Map::open(path)? {
             let first = usize::try_from(first).unwrap_or(usize::MAX).min(map.bytes().len());
             let (header, [lines, units, _]) = sections(&map.bytes()[first..], SIZES)?;
@@ -75,7 +72,6 @@ impl TriangleBvh {
     /// A file that cannot be read, or that has another length.
     #[doc(hidden)]
     pub fn map_known(path: impl AsRef<Path>, known: &KnownFile) -> Result<Self, MapError> {
-        #[cfg(any(unix, windows))]
         if let Some(map) = Map::open(path.as_ref())? {
             let (n_bytes, n_expected) = (map.bytes().len(), known.units.end + CHECKSUM_BYTES);
             if n_bytes != n_expected {

@@ -1,6 +1,7 @@
 //! Records in files, without a copy.
-#![expect(unsafe_code, reason = "the one call that maps a file")]
+#![cfg_attr(any(unix, windows), expect(unsafe_code, reason = "the one call that maps a file"))]
 
+use std::fs::File;
 use std::io;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -9,9 +10,15 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 
+#[cfg(any(unix, windows))]
+type Bytes = memmap2::Mmap;
+/// Systems without maps read the file.
+#[cfg(not(any(unix, windows)))]
+type Bytes = Vec<u8>;
+
 /// A file in memory; several records share it.
 #[derive(Clone)]
-pub(crate) struct Map(Arc<memmap2::Mmap>);
+pub(crate) struct Map(Arc<Bytes>);
 
 impl Map {
     /// `None` where records in memory are not those of files.
@@ -19,15 +26,12 @@ impl Map {
         if cfg!(target_endian = "big") {
             return Ok(None);
         }
-        let file = std::fs::File::open(path)?;
+        let file = File::open(path)?;
         if file.metadata()?.len() == 0 {
             // Nothing to map; the check of the empty file reports it.
             return Ok(None);
         }
-        // SAFETY: The map is private and only read, and every bit pattern is a record. It is sound while no process writes or truncates the
-        // file, which `TriangleBvh::map` demands of its caller; no system has maps without that condition.
-        let map = unsafe { memmap2::MmapOptions::new().map_copy_read_only(&file) }?;
-        Ok(Some(Self(Arc::new(map))))
+        Ok(Some(Self(Arc::new(bytes_of(file)?))))
     }
 
     pub(crate) fn bytes(&self) -> &[u8] {
@@ -46,6 +50,20 @@ impl Map {
         bytemuck::try_cast_slice::<u8, T>(&self.0[bytes.clone()]).ok()?;
         Some(MappedRecords { map: self.clone(), bytes, records: PhantomData })
     }
+}
+
+#[cfg(any(unix, windows))]
+fn bytes_of(file: File) -> io::Result<Bytes> {
+    // SAFETY: The map is private and only read, and every bit pattern is a record. It is sound while no process writes or truncates the
+    // file, which `TriangleBvh::map` demands of its caller; no system has maps without that condition.
+    unsafe { memmap2::MmapOptions::new().map_copy_read_only(&file) }
+}
+
+#[cfg(not(any(unix, windows)))]
+fn bytes_of(mut file: File) -> io::Result<Bytes> {
+    let mut bytes = vec![];
+    io::Read::read_to_end(&mut file, &mut bytes)?;
+    Ok(bytes)
 }
 
 /// Records in a file.

@@ -14,7 +14,6 @@
 pub(crate) mod checked;
 mod flaw;
 mod links;
-#[cfg(any(unix, windows))]
 mod mapped;
 mod packed;
 mod pod;
@@ -26,7 +25,6 @@ use std::ops::Range;
 
 pub use flaw::Flaw;
 pub(crate) use links::{Content, Link, Links, NO_NODE};
-#[cfg(any(unix, windows))]
 pub(crate) use mapped::Map;
 pub(crate) use records::Records;
 pub use rows::NodeBox;

@@ -8,7 +8,6 @@ use std::ops::{Deref, DerefMut};
 
 use bytemuck::Pod;
 
-#[cfg(any(unix, windows))]
 use super::mapped::MappedRecords;
 
 /// Records of a BVH: a slice that may lie in huge pages.
@@ -18,7 +17,6 @@ enum Memory<T> {
     Heap(Vec<T>),
     #[cfg(target_os = "linux")]
     Huge(huge::Pages<T>),
-    #[cfg(any(unix, windows))]
     File(MappedRecords<T>),
 }
 
@@ -34,7 +32,6 @@ impl<T: Pod> From<Vec<T>> for Records<T> {
 
 impl<T: Pod> Records<T> {
     /// Records in a file, which are copied before they are changed.
-    #[cfg(any(unix, windows))]
     pub(crate) fn mapped(records: MappedRecords<T>) -> Self {
         Self(Memory::File(records))
     }
@@ -65,7 +62,6 @@ impl<T: Pod> Deref for Records<T> {
             Memory::Heap(records) => records,
             #[cfg(target_os = "linux")]
             Memory::Huge(pages) => pages.records(),
-            #[cfg(any(unix, windows))]
             Memory::File(file) => file.records(),
         }
     }
@@ -73,7 +69,6 @@ impl<T: Pod> Deref for Records<T> {
 
 impl<T: Pod> DerefMut for Records<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        #[cfg(any(unix, windows))]
         if let Memory::File(file) = &self.0 {
             *self = file.records().to_vec().into();
         }
@@ -81,7 +76,6 @@ impl<T: Pod> DerefMut for Records<T> {
             Memory::Heap(records) => records,
             #[cfg(target_os = "linux")]
             Memory::Huge(pages) => pages.records_mut(),
-            #[cfg(any(unix, windows))]
             Memory::File(_) => unreachable!("copied above"),
         }
     }
