@@ -50,7 +50,7 @@ impl LeafPrimitive for Triangle {
 }
 
 /// Calls `visit` with the place of each triangle of a leaf that may be at most the root of a limit away from a point, those that seem nearest first. It
-/// returns what the limit is then, and so does this.
+/// returns what the limit is then.
 #[inline(always)]
 pub(crate) fn each_near<S: Simd>(
     simd: S,
@@ -59,7 +59,7 @@ pub(crate) fn each_near<S: Simd>(
     point: [S::F; 3],
     mut limit: f32,
     visit: &mut dyn FnMut(u32) -> f32,
-) -> f32 {
+) {
     let (half, first) = start(leaf);
     for block in 0..leaf.n.div_ceil(8) {
         let n = leaf.n - 8 * block;
@@ -84,7 +84,6 @@ pub(crate) fn each_near<S: Simd>(
             limit = visit(8 * block + next);
         }
     }
-    limit
 }
 
 /// The first half-block of a leaf, and its first lane there.

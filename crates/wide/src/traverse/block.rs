@@ -261,12 +261,12 @@ fn lane_of<S: Simd>(simd: S, [x, y, z]: [S::F; 3], lane: usize) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn sub<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
+pub(super) fn sub<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
     [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])]
 }
 
 #[inline(always)]
-fn cross<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
+pub(super) fn cross<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
     [
         simd.sub(simd.mul(a[1], b[2]), simd.mul(a[2], b[1])),
         simd.sub(simd.mul(a[2], b[0]), simd.mul(a[0], b[2])),
@@ -275,7 +275,7 @@ fn cross<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
 }
 
 #[inline(always)]
-fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+pub(super) fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
     simd.add(simd.add(simd.mul(a[0], b[0]), simd.mul(a[1], b[1])), simd.mul(a[2], b[2]))
 }
 

@@ -2,7 +2,7 @@
 
 use canted_trace::lanes::UNIT_ROUNDOFF as U;
 
-use super::block::{Block, SHRINK};
+use super::block::{Block, SHRINK, cross, dot, norm, sub};
 use crate::simd::Simd;
 
 /// Bounds of the errors.
@@ -119,8 +119,8 @@ impl<S: Simd> Lanes<S> {
         let least = simd.min(simd.min(dot(simd, w, a), dot(simd, w, b)), dot(simd, w, c));
         let (a, b, c) = (abs(simd, a), abs(simd, b), abs(simd, c));
         let terms = simd.max(simd.max(dot(simd, size, a), dot(simd, size, b)), dot(simd, size, c));
-        let length = simd.add(size[0], simd.add(size[1], size[2]));
-        let error = simd.mul_add(self.pad, length, simd.mul_add(simd.splat(self.bounds.rounding), terms, self.least));
+        let error =
+            simd.mul_add(self.pad, norm(simd, w), simd.mul_add(simd.splat(self.bounds.rounding), terms, self.least));
         let along = simd.max(simd.sub(least, error), self.zero);
         let squared = dot(simd, w, w);
         // The square of `along` would overflow first.
@@ -162,11 +162,6 @@ impl<S: Simd> Lanes<S> {
 // Written out: closures are not always compiled for the instructions of a path.
 
 #[inline(always)]
-fn sub<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
-    [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])]
-}
-
-#[inline(always)]
 fn abs<S: Simd>(simd: S, a: [S::F; 3]) -> [S::F; 3] {
     [simd.abs(a[0]), simd.abs(a[1]), simd.abs(a[2])]
 }
@@ -177,21 +172,7 @@ fn mul_add<S: Simd>(simd: S, a: S::F, b: [S::F; 3], c: [S::F; 3]) -> [S::F; 3] {
     [simd.mul_add(a, b[0], c[0]), simd.mul_add(a, b[1], c[1]), simd.mul_add(a, b[2], c[2])]
 }
 
-#[inline(always)]
-fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
-    simd.mul_add(a[0], b[0], simd.mul_add(a[1], b[1], simd.mul(a[2], b[2])))
-}
-
-#[inline(always)]
-fn cross<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
-    [
-        simd.mul_sub(a[1], b[2], simd.mul(a[2], b[1])),
-        simd.mul_sub(a[2], b[0], simd.mul(a[0], b[2])),
-        simd.mul_sub(a[0], b[1], simd.mul(a[1], b[0])),
-    ]
-}
-
-/// Lanes of `x` where the first of `order` is less than the second, else those of `y`.
+/// Lanes of `x` where `a < b`, else those of `y`.
 #[inline(always)]
 fn pick<S: Simd>(simd: S, [a, b]: [S::F; 2], x: [S::F; 3], y: [S::F; 3]) -> [S::F; 3] {
     [simd.pick(a, b, x[0], y[0]), simd.pick(a, b, x[1], y[1]), simd.pick(a, b, x[2], y[2])]
@@ -205,9 +186,9 @@ mod tests {
     use crate::simd::{SimdPath, Task};
 
     /// Whether a triangle may be near a point, by its box and by the closest point.
-    struct Near<'a>(&'a [[f32; 3]; 3], [f32; 3], f32, Bounds);
+    struct IsNear<'a>(&'a [[f32; 3]; 3], [f32; 3], f32, Bounds);
 
-    impl Task for Near<'_> {
+    impl Task for IsNear<'_> {
         type Output = [bool; 2];
 
         #[inline(always)]
@@ -233,7 +214,7 @@ mod tests {
             let limit = canted_obb::round::up(f64::from(height) * f64::from(height));
             n_finite += usize::from(limit < f32::MAX);
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-                let near = path.available().run(Near(&vertices, point, limit, BOUNDS));
+                let near = path.available().run(IsNear(&vertices, point, limit, BOUNDS));
                 assert_eq!(near, [true; 2], "{} {edge:e} {height:e}", path.name());
             }
         }
@@ -262,7 +243,7 @@ mod tests {
             let point: [f32; 3] = std::array::from_fn(|k| inside[k] + size * away[k]);
             let distance = canted_trace::closest_point_on_triangle(point, &vertices).distance_squared;
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-                let is_near_by = |limit: f32, bounds| path.available().run(Near(&vertices, point, limit, bounds));
+                let is_near_by = |limit: f32, bounds| path.available().run(IsNear(&vertices, point, limit, bounds));
                 let least = canted_obb::round::up(distance);
                 assert_eq!(is_near_by(least, BOUNDS), [true; 2], "{}: {vertices:?} {point:?}", path.name());
                 n_near += 1;
