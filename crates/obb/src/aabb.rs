@@ -43,7 +43,29 @@ impl Aabb {
         }
     }
 
+    /// The union of several boxes after one of them, `old`, has become `new`; `None` where that depends on the others: where `old` reached as
+    /// far as the union, and `new` does not reach so far.
+    ///
+    /// ```
+    /// use canted_obb::Aabb;
+    ///
+    /// let of = |min: f32, max: f32| Aabb { min: [min; 3], max: [max; 3] };
+    /// let union = of(0.0, 2.0).union(of(1.0, 5.0));
+    /// assert_eq!(union.after_change(&of(1.0, 5.0), &of(2.0, 6.0)), Some(of(0.0, 6.0)));
+    /// assert_eq!(union.after_change(&of(1.0, 5.0), &of(1.0, 4.0)), None);
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn after_change(self, old: &Self, new: &Self) -> Option<Self> {
+        let is_known = |k: usize| {
+            (self.min[k] < old.min[k] || new.min[k] <= old.min[k])
+                && (old.max[k] < self.max[k] || old.max[k] <= new.max[k])
+        };
+        (0..3).all(is_known).then(|| self.union(*new))
+    }
+
     /// Whether the box contains no point.
+    #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|k| self.min[k] > self.max[k])

@@ -42,25 +42,33 @@ impl Around {
         Self { levels }
     }
 
-    /// The instance `i` has changed, or was added after all others.
-    pub(crate) fn update(&mut self, mut i: usize, bounds: &[Bounds]) {
+    /// The instance `i` had these bounds and has changed, or was added after all others with empty ones. Others that have changed may be told later.
+    pub(crate) fn update(&mut self, mut i: usize, old: &Bounds, bounds: &[Bounds]) {
+        let (mut old, mut new) = (boxes_of(old), boxes_of(&bounds[i]));
         for level in 0.. {
             let block = i / BLOCK;
-            let of = |n: usize| block * BLOCK..n.min((block + 1) * BLOCK);
-            let boxes = match level {
-                0 => around(&bounds[of(bounds.len())]),
-                _ => joined(self.levels[level - 1][of(self.levels[level - 1].len())].iter().copied()),
-            };
             if level == self.levels.len() {
                 self.levels.push(vec![]);
             }
-            let of_level = &mut self.levels[level];
-            match of_level.get_mut(block) {
-                Some(known) if *known == boxes => return,
-                Some(known) => *known = boxes,
-                None => of_level.push(boxes),
-            }
-            if of_level.len() == 1 {
+            let (below, above) = self.levels.split_at_mut(level);
+            let of = |n: usize| block * BLOCK..n.min((block + 1) * BLOCK);
+            let all = || match below.last() {
+                None => around(&bounds[of(bounds.len())]),
+                Some(below) => joined(below[of(below.len())].iter().copied()),
+            };
+            let of_level = &mut above[0];
+            (old, new) = match of_level.get_mut(block) {
+                Some(known) => {
+                    let [a, b] = [0, 1].map(|k| known[k].after_change(&old[k], &new[k]));
+                    let boxes = a.zip(b).map_or_else(all, |(a, b)| [a, b]);
+                    (std::mem::replace(known, boxes), boxes)
+                }
+                None => {
+                    of_level.push(all());
+                    ([Aabb::EMPTY; 2], of_level[block])
+                }
+            };
+            if of_level.len() == 1 || old == new {
                 return;
             }
             i = block;
@@ -100,11 +108,10 @@ mod tests {
                 let i = if step % 3 == 0 || bounds.is_empty() { bounds.len() } else { rng.below(bounds.len()) };
                 let new = random(&mut rng);
                 if i == bounds.len() {
-                    bounds.push(new)
-                } else {
-                    bounds[i] = new
+                    bounds.push(Bounds::EMPTY);
                 }
-                kept.update(i, &bounds);
+                let old = std::mem::replace(&mut bounds[i], new);
+                kept.update(i, &old, &bounds);
                 assert_eq!(kept.all(), around(&bounds), "{first}, {step}");
             }
         }

@@ -4,7 +4,7 @@ use canted_lbvh::par;
 use canted_obb::Affine;
 use canted_trace::{InstanceId, Intersect, ObjectMap};
 
-use crate::placement::{Bottom, JOB, Placed};
+use crate::placement::{Bottom, Bounds, JOB, Placed};
 use crate::tlas::deepest;
 use crate::top::Top;
 use crate::users::Users;
@@ -164,8 +164,8 @@ impl<B: Intersect> Tlas<B> {
 #[derive(Debug)]
 pub struct TlasEdit<'a, B: Intersect> {
     tlas: &'a mut Tlas<B>,
-    /// Numbers of instances with other bounds.
-    changed: Vec<u32>,
+    /// Numbers of instances with other bounds, and those that they had.
+    changed: Vec<(u32, Bounds)>,
 }
 
 impl<B: Intersect> TlasEdit<'_, B> {
@@ -190,7 +190,9 @@ impl<B: Intersect> TlasEdit<'_, B> {
                 tlas.obbs.push(obb);
             }
             // One more, even if it cannot be hit.
-            self.changed.push(index as u32);
+            if placed.bounds.is_empty() {
+                self.changed.push((index as u32, bounds));
+            }
         }
         self.commit(index, placed);
         Ok(InstanceId(index as u32))
@@ -376,7 +378,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
     fn commit(&mut self, index: usize, Placed { placement, moving, bounds, obb }: Placed) {
         let tlas = &mut *self.tlas;
         if tlas.bounds[index] != bounds || tlas.obbs.get(index).is_some_and(|known| *known != obb) {
-            self.changed.push(index as u32);
+            self.changed.push((index as u32, tlas.bounds[index]));
         }
         if let Some(users) = &mut tlas.users {
             users.change(index as u32, tlas.placements[index].blas, placement.blas);

@@ -67,8 +67,11 @@ impl Bounds {
             let moved = (f64::from(x) - f64::from(reference)).next_up();
             up((moved + fixed).next_up()).min(f32::MAX)
         };
-        let at = reference.point();
-        Aabb { min: [0, 1, 2].map(|k| -grow(-min[k], -at[k])), max: [0, 1, 2].map(|k| grow(max[k], at[k])) }
+        let (at, mut grown) = (reference.point(), Aabb::EMPTY);
+        for k in 0..3 {
+            (grown.min[k], grown.max[k]) = (-grow(-min[k], -at[k]), grow(max[k], at[k]));
+        }
+        grown
     }
 }
 

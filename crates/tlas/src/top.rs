@@ -184,25 +184,31 @@ impl Top {
         self.classes.iter().for_each(|class| class.each_box(&mut in_world));
     }
 
-    /// Instances with these numbers have other bounds, or are new: few of a wide top level are changed one by one, else all boxes are
+    /// Instances with these numbers have others than these bounds, or are new: few of a wide top level are changed one by one, else all boxes are
     /// written.
-    pub(crate) fn update(&mut self, changed: &[u32], (bounds, obbs): Known<'_>, config: &TopConfig, path: SimdPath) {
+    pub(crate) fn update(
+        &mut self,
+        changed: &[(u32, Bounds)],
+        (bounds, obbs): Known<'_>,
+        config: &TopConfig,
+        path: SimdPath,
+    ) {
         if changed.is_empty() {
             return;
         }
         let is_wide = matches!(config, TopConfig::Wide(_));
         let places = &self.changes(bounds).places;
-        let comes_or_goes = |&i: &u32| places[i as usize].is_some() == bounds[i as usize].is_empty();
-        let others: Vec<u32> = changed.iter().copied().filter(comes_or_goes).collect();
+        let comes_or_goes = |(i, _): &(u32, Bounds)| places[*i as usize].is_some() == bounds[*i as usize].is_empty();
+        let others: Vec<(u32, Bounds)> = changed.iter().copied().filter(comes_or_goes).collect();
         // The reference point is chosen near instances.
         if self.aabb().is_empty() || !is_wide && !others.is_empty() {
             if let Ok(top) = Self::build(bounds, obbs, config, path) {
                 *self = top;
             }
         } else if is_wide && changed.len() <= bounds.len() / FEW {
-            changed.iter().for_each(|&i| self.change(i, bounds, config, path));
+            changed.iter().for_each(|(i, old)| self.change(*i, old, bounds, config, path));
         } else {
-            others.iter().for_each(|&i| self.change(i, bounds, config, path));
+            others.iter().for_each(|(i, old)| self.change(*i, old, bounds, config, path));
             self.refit((bounds, obbs), config, path);
         }
     }
@@ -233,7 +239,7 @@ impl Top {
     }
 
     /// One instance of a wide top level has other bounds; it gets a place, or loses it.
-    fn change(&mut self, i: u32, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+    fn change(&mut self, i: u32, old: &Bounds, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
         let Self { classes, reference, changes: Some(Changes { places, around }), boxes } = self else { return };
         let new = &bounds[i as usize];
         let is_taken = |class: &Class| !new.is_empty() && class.takes(new.error.per_origin.into());
@@ -257,7 +263,7 @@ impl Top {
                 }
             }
         }
-        around.update(i as usize, bounds);
+        around.update(i as usize, old, bounds);
         *boxes = around.all();
     }
 

@@ -6,8 +6,8 @@ use crate::build::item::Item;
 use crate::bvh::WideBvh;
 use crate::leaf::{Placed, Primitive};
 use crate::node::{
-    ALIGNED_LINES, ChildWord, Content, DecodedWord, Link, Links, NO_NODE, NodeBox, NodeKind, Row, node_words, set_word,
-    write_box,
+    ALIGNED_LINES, Change, ChildWord, Content, DecodedWord, Link, Links, NO_NODE, NodeBox, NodeKind, Row, node_words,
+    set_word, write_box,
 };
 use crate::traverse::{BoxPads, Pads};
 use crate::update::{Sums, content_of, half_area, predicted, visit};
@@ -286,24 +286,24 @@ impl<'a, P: Primitive> Tree<'a, P> {
         self.links.free_nodes.push(node);
     }
 
-    /// Writes the boxes above a node whose children have changed, until nothing changes. Oriented boxes above depend on more than the
+    /// Writes the boxes above a node in which one thing has changed, until nothing changes. Oriented boxes above depend on more than the
     /// contents, on every primitive below: all of them become aligned.
-    fn refit(&mut self, mut node: u32) {
+    fn refit(&mut self, mut node: u32, mut change: Change) {
         loop {
-            let content = self.joined(node);
+            let old = self.links.nodes[node as usize].content;
+            let new = old.after_change(&change).unwrap_or_else(|| self.joined(node));
             let link = &mut self.links.nodes[node as usize];
-            let is_same = content == link.content;
-            link.content = content;
+            link.content = new;
             let parent = link.parent;
-            if parent == NO_NODE || is_same && !self.bvh.nodes.has_oriented {
+            if parent == NO_NODE || new == old && !self.bvh.nodes.has_oriented {
                 return;
             }
             self.align(parent);
-            if !is_same {
+            if new != old {
                 let slot = self.slot_of(parent, node);
-                self.set(parent, slot, self.words(parent)[slot], &content);
+                self.set(parent, slot, self.words(parent)[slot], &new);
             }
-            node = parent;
+            (node, change) = (parent, Change { old, new });
         }
     }
 
@@ -361,7 +361,7 @@ impl<'a, P: Primitive> Tree<'a, P> {
             self.set(node, slot, ChildWord::node(NodeKind::Aligned, pair as usize * ALIGNED_LINES), &both);
             break;
         }
-        self.refit(node);
+        self.refit(node, Change { old: Content::EMPTY, new: content });
         if depth > self.links.most_depth() {
             let holder = self.links.holders[id.index()];
             depth = self.balance(holder, depth);
@@ -371,30 +371,40 @@ impl<'a, P: Primitive> Tree<'a, P> {
 
     /// The child of a full node that a box is added to at the least predicted cost: a node grows, a leaf becomes a node.
     fn cheapest(&self, node: u32, words: &[ChildWord; 8], added: &Aabb) -> usize {
-        let kind = self.links.nodes[node as usize].kind;
-        let cost = |slot: usize| {
+        // Ends by axis, then by slot.
+        let (mut lo, mut hi) = ([[0.0; 8]; 3], [[0.0; 8]; 3]);
+        let is_aligned = self.links.nodes[node as usize].kind == NodeKind::Aligned;
+        for slot in 0..8 {
             // The padded box will do, and is near; oriented ones are along other axes.
-            let aabb = match kind {
-                NodeKind::Aligned => {
-                    let NodeBox { lo, hi, .. } = self.slot_box(node, slot);
-                    [lo, hi]
-                }
-                NodeKind::Oriented => {
-                    let Aabb { min, max } = self.content(words[slot]).aligned;
-                    [min, max].map(|end| end.map(f64::from))
-                }
+            let (min, max) = if is_aligned {
+                let NodeBox { lo, hi, .. } = self.slot_box(node, slot);
+                (lo, hi)
+            } else {
+                let Aabb { min, max } = self.content(words[slot]).aligned;
+                (min.map(f64::from), max.map(f64::from))
             };
-            let lo = std::array::from_fn(|k| aabb[0][k].min(f64::from(added.min[k])));
-            let hi = std::array::from_fn(|k| aabb[1][k].max(f64::from(added.max[k])));
+            for k in 0..3 {
+                (lo[k][slot], hi[k][slot]) = (min[k], max[k]);
+            }
+        }
+        let (mut own, mut grown) = ([[0.0; 8]; 3], [[0.0; 8]; 3]);
+        for k in 0..3 {
+            let ends = (f64::from(added.min[k]), f64::from(added.max[k]));
+            for slot in 0..8 {
+                own[k][slot] = hi[k][slot] - lo[k][slot];
+                grown[k][slot] = hi[k][slot].max(ends.1) - lo[k][slot].min(ends.0);
+            }
+        }
+        let area = |[x, y, z]: &[[f64; 8]; 3], i: usize| x[i] * y[i] + y[i] * z[i] + z[i] * x[i];
+        let costs: [f64; 8] = std::array::from_fn(|slot| {
             let is_node = matches!(words[slot].kind(), DecodedWord::Node(..));
-            half_area(lo, hi) - if is_node { half_area(aabb[0], aabb[1]) } else { 0.0 }
-        };
-        let costs: [f64; 8] = std::array::from_fn(cost);
+            area(&grown, slot) - if is_node { area(&own, slot) } else { 0.0 }
+        });
         (1..8).fold(0, |best, slot| if costs[slot] < costs[best] { slot } else { best })
     }
 
-    /// Takes a primitive out of its leaf.
-    fn detach(&mut self, id: PrimId) {
+    /// Takes a primitive out of its leaf, whose content was `before` with it.
+    fn detach(&mut self, id: PrimId, before: &Content) {
         let node = self.links.holders[id.index()];
         self.align(node);
         let Place { slot, first, n, at } = self.place_of(id);
@@ -405,15 +415,16 @@ impl<'a, P: Primitive> Tree<'a, P> {
         order[last] = PrimId(0);
         self.links.free_places.push(last as u32);
         self.links.is_scattered = true;
+        let mut rest = Content::EMPTY;
         if n > 1 {
             let leaf = ChildWord::leaf(first, n - 1);
-            let content = self.content(leaf);
-            self.set(node, slot, leaf, &content);
+            rest = self.content(leaf);
+            self.set(node, slot, leaf, &rest);
         } else {
             self.clear(node, slot);
         }
         if let Some(changed) = self.dissolve(node) {
-            self.refit(changed);
+            self.refit(changed, Change { old: *before, new: rest });
         }
     }
 
@@ -468,7 +479,8 @@ impl<'a, P: Primitive> Tree<'a, P> {
     /// Removes a primitive; the last one takes its number.
     pub(super) fn remove(&mut self, id: PrimId) -> P {
         self.add_area(id.index(), -1.0);
-        self.detach(id);
+        let Place { first, n, .. } = self.place_of(id);
+        self.detach(id, &self.content(ChildWord::leaf(first, n)));
         let last = PrimId(self.bvh.n_primitives as u32 - 1);
         if last != id {
             let Place { at, .. } = self.place_of(last);
@@ -494,12 +506,12 @@ impl<'a, P: Primitive> Tree<'a, P> {
         let is_due = self.links.n_moves.is_multiple_of(MOVES);
         let around = self.links.nodes[node as usize].content.aligned;
         if is_due || is_apart(&before.aligned, &content.aligned) || !around.contains_box(&content.aligned) {
-            self.detach(id);
+            self.detach(id, &before);
             self.attach(id);
         } else {
             self.align(node);
             self.set(node, slot, words[slot], &content);
-            self.refit(node);
+            self.refit(node, Change { old: before, new: content });
         }
         old
     }

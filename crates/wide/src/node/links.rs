@@ -26,6 +26,21 @@ impl Content {
             reach: self.reach.max(other.reach),
         }
     }
+
+    /// The union of several contents after one of them, `old`, has become `new`; `None` where that depends on the others.
+    pub(crate) fn after_change(self, Change { old, new }: &Change) -> Option<Self> {
+        let bounds = self.bounds.after_change(&old.bounds, &new.bounds)?;
+        let aligned = self.aligned.after_change(&old.aligned, &new.aligned)?;
+        let is_known = old.reach < self.reach || old.reach <= new.reach;
+        is_known.then(|| Self { bounds, aligned, reach: self.reach.max(new.reach) })
+    }
+}
+
+/// What something in a node was and is; empty before it came, and after it went.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Change {
+    pub(crate) old: Content,
+    pub(crate) new: Content,
 }
 
 /// The parent of a root, and of what is no node.

@@ -24,7 +24,7 @@ mod units;
 use std::ops::Range;
 
 pub use flaw::Flaw;
-pub(crate) use links::{Content, Link, Links, NO_NODE};
+pub(crate) use links::{Change, Content, Link, Links, NO_NODE};
 pub(crate) use mapped::Map;
 pub(crate) use records::Records;
 pub use rows::NodeBox;
