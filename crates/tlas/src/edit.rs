@@ -226,7 +226,14 @@ impl<B: Intersect> TlasEdit<'_, B> {
     /// An instance that does not exist.
     pub fn set_mask(&mut self, instance: InstanceId, mask: u32) -> Result<(), InstanceError> {
         let old = self.instance(instance)?;
-        self.set_instance(instance, old.with_mask(mask))
+        let placement = &mut self.tlas.placements[instance.index()];
+        if placement.map.is_hidden() {
+            return self.set_instance(instance, old.with_mask(mask));
+        }
+        // Its place does not depend on the mask.
+        placement.mask = mask;
+        self.tlas.listed = OnceLock::new();
+        Ok(())
     }
 
     /// Replaces an instance.
