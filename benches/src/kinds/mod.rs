@@ -17,6 +17,7 @@ use canted_fixtures::{
     Mesh, SplitMix64,
     kinds::{self, Family, Kind, RayKind, Scene},
 };
+use canted_lbvh::stages::Stage;
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Hit, Ray};
@@ -245,6 +246,7 @@ pub(super) struct Difference {
 
 /// Adds a scene to the JSON lines: one for each engine.
 pub(super) fn add_record(record: &mut Record, measured: &Measured, seed: u64) -> Result<()> {
+    let stage = |stage: &Stage| json!({ "stage": stage.name, "seconds": stage.seconds, "serial_seconds": stage.serial_seconds });
     for (i, (name, built)) in measured.engines.iter().enumerate() {
         let sets = measured
             .sets
@@ -274,6 +276,7 @@ pub(super) fn add_record(record: &mut Record, measured: &Measured, seed: u64) ->
             "bytes": built.n_bytes,
             "build_one_thread_s": built.one_thread,
             "build_two_threads_s": built.two_threads,
+            "stages": built.stages.iter().map(stage).collect::<Vec<_>>(),
             "sets": sets.collect::<Vec<_>>(),
             "check": check,
         }))?;

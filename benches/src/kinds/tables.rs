@@ -85,7 +85,7 @@ impl Measured {
     /// Build time on one or two threads relative to a mode of Embree.
     fn build(&self, i: usize, mode: Mode, n_threads: usize) -> Option<f64> {
         let seconds = |engine: usize| {
-            let built = self.engines[engine].1;
+            let built = &self.engines[engine].1;
             if n_threads == 2 { built.two_threads } else { Some(built.one_thread) }
         };
         Some(seconds(i)? / seconds(self.embree(mode)?)?)
@@ -214,11 +214,11 @@ impl Tables {
         let _ = writeln!(
             out,
             "\n### Geometric means over {} {family}{}\n\nCells of rays: relative to Embree default, in brackets to Embree \
-             robust. Builds on one thread, in brackets on two.\n\n| engine | camera | bounce | occlusion | random | least of all \
-             | build / medium | build / high | B a triangle |\n|{}",
+             robust. Builds on one thread, in brackets on two; the part of one on two threads in which one works alone.\n\n| engine | camera | bounce | occlusion | random | least of all \
+             | build / medium | build / high | alone | B a triangle |\n|{}",
             all.len(),
             if family == MODELS { "" } else { " kinds" },
-            " --- |".repeat(9),
+            " --- |".repeat(10),
         );
         for i in 0..first.engines.len() {
             let _ = write!(out, "| {} |", first.engines[i].0);
@@ -233,7 +233,9 @@ impl Tables {
                 let build = |n_threads| number(mean(all.iter().map(|m| m.build(i, mode, n_threads))), 2);
                 let _ = write!(out, " {} ({}) |", build(1), build(2));
             }
-            let _ = writeln!(out, " {} |", number(mean(all.iter().map(|m| m.bytes(i))), 0));
+            let parts: Vec<f64> = all.iter().filter_map(|m| m.engines[i].1.serial_part()).collect();
+            let alone = if parts.is_empty() { dash() } else { format!("{:.0} %", 100.0 * median(&parts)) };
+            let _ = writeln!(out, " {alone} | {} |", number(mean(all.iter().map(|m| m.bytes(i))), 0));
         }
     }
 

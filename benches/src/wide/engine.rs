@@ -4,6 +4,7 @@
 //! Holds: within a round every engine traces every ray once; the order changes from chunk to chunk.
 
 use anyhow::{Context, Result};
+use canted_lbvh::stages::{self, Stage};
 use canted_trace::{Hit, Intersect, Ray};
 
 use crate::timing::{self, Seconds, median};
@@ -87,13 +88,23 @@ const REPEATS: usize = 3;
 const PATIENCE_SECONDS: f64 = 2.5;
 
 /// An engine's build time and memory.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Built {
     /// Wall seconds on one thread.
     pub(crate) one_thread: f64,
     /// Wall seconds on two threads.
     pub(crate) two_threads: Option<f64>,
+    /// Stages of the last build on two threads; none of engines of others.
+    pub(crate) stages: Vec<Stage>,
     pub(crate) n_bytes: Option<usize>,
+}
+
+impl Built {
+    /// The part of a build on two threads in which one works alone.
+    pub(crate) fn serial_part(&self) -> Option<f64> {
+        let sum = |of: fn(&Stage) -> f64| self.stages.iter().map(of).sum::<f64>();
+        (!self.stages.is_empty()).then(|| sum(|stage| stage.serial_seconds) / sum(|stage| stage.seconds))
+    }
 }
 
 /// An engine with the wall seconds of its builds.
@@ -101,6 +112,7 @@ struct Ready {
     engine: Box<dyn Engine>,
     one_thread: Vec<f64>,
     two_threads: Vec<f64>,
+    stages: Vec<Stage>,
 }
 
 /// Builds all entries for tracing, and again for the clock where `is_thorough`; the caller's pool has one thread.
@@ -118,9 +130,12 @@ pub(crate) fn build_all(entries: &[Entry<'_>], is_thorough: bool) -> Result<Vec<
                 ready.one_thread.push(took.wall);
             }
             if entry.is_parallel {
-                let (built, took) = two.install(|| timing::time(|| (entry.build)(2).map(drop)));
+                let build = || stages::recorded(|| (entry.build)(2).map(drop));
+                let ((built, stages), took) = two.install(|| timing::time(build));
                 built?;
                 ready.two_threads.push(took.wall);
+                // A build that names no stage is one of others.
+                ready.stages = if stages.len() > 1 { stages } else { vec![] };
             }
         }
     }
@@ -130,7 +145,7 @@ pub(crate) fn build_all(entries: &[Entry<'_>], is_thorough: bool) -> Result<Vec<
 fn first(entry: &Entry<'_>) -> Result<Ready> {
     let (engine, took) = timing::time(|| (entry.build)(1));
     let engine = engine.with_context(|| format!("cannot build {}", entry.name))?;
-    Ok(Ready { engine, one_thread: vec![took.wall], two_threads: vec![] })
+    Ok(Ready { engine, one_thread: vec![took.wall], two_threads: vec![], stages: vec![] })
 }
 
 impl Ready {
@@ -138,6 +153,7 @@ impl Ready {
         let built = Built {
             one_thread: median(&self.one_thread),
             two_threads: (!self.two_threads.is_empty()).then(|| median(&self.two_threads)),
+            stages: self.stages,
             n_bytes: self.engine.n_bytes(),
         };
         (self.engine, built)

@@ -204,7 +204,7 @@ impl Tables {
         for measured in &self.measured {
             let _ = write!(out, "| {} |", measured.scene);
             measured.row(out, &columns, |i| {
-                let built = measured.contestants[i].built;
+                let built = &measured.contestants[i].built;
                 let two = built.two_threads.map_or_else(String::new, |two| format!(" ({two:.3})"));
                 let a_triangle = |n_bytes: usize| format!("{:.0} B", n_bytes as f64 / measured.n_triangles as f64);
                 let bytes = built.n_bytes.map_or_else(|| "–".to_owned(), a_triangle);
@@ -337,7 +337,7 @@ impl Record {
                 }
                 line
             };
-            let built = contestant.built;
+            let built = &contestant.built;
             let build = json!({
                 "bytes": built.n_bytes,
                 "build_one_thread_s": built.one_thread,
