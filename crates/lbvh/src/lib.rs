@@ -52,6 +52,7 @@ mod check;
 mod cost;
 mod leaf;
 mod morton;
+mod numbering;
 #[doc(hidden)]
 pub mod par;
 mod radix;

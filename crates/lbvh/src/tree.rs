@@ -215,83 +215,21 @@ impl Tree {
     /// # Errors
     /// A topology that is not a tree over the primitives `0..=children.len()`, each once.
     pub fn from_children(children: &[[Child; 2]]) -> Result<Self, TopologyError> {
-        let n_leaves = children.len() + 1;
-        let parents_first = parents_first(children)?;
-        let mut sizes = vec![0u32; children.len()];
-        let size_of = |child: Child, sizes: &[u32]| match child.kind() {
-            ChildKind::Leaf(_) => 1,
-            ChildKind::Inner(id) => sizes[id.index()],
-        };
-        for &id in parents_first.iter().rev() {
-            sizes[id.index()] = children[id.index()].iter().map(|&child| size_of(child, &sizes)).sum();
-        }
-        // The leaf range of a subtree determines its number.
-        let mut tree = Self {
-            nodes: vec![Node::UNSET; children.len()],
-            leaves: vec![PrimId(0); n_leaves],
-            bottom_up: vec![],
-            tasks: vec![],
-            depth: 1,
-        };
-        let mut stack = vec![(NodeId::ROOT, NodeId::ROOT, 0u32, 1u32)];
-        let mut renumbered = Vec::with_capacity(children.len());
-        while let Some((old, new, first, depth)) = stack.pop() {
-            renumbered.push(new);
-            let [left, right] = children[old.index()];
-            let split = first + size_of(left, &sizes) - 1;
-            let last = split + size_of(right, &sizes);
-            tree.nodes[new.index()] = Node {
-                left: Self::subtree(first, split, true),
-                right: Self::subtree(split + 1, last, false),
-                first,
-                last,
-            };
-            tree.depth = tree.depth.max(depth + 1);
-            for (child, first, new) in [(right, split + 1, NodeId(split + 1)), (left, first, NodeId(split))] {
-                match child.kind() {
-                    ChildKind::Leaf(primitive) => tree.leaves[first as usize] = PrimId(primitive),
-                    ChildKind::Inner(old) => stack.push((old, new, first, depth + 1)),
-                }
-            }
-        }
-        tree.schedule(&renumbered);
-        Ok(tree)
-    }
-
-    /// Groups the nodes, given parents first with each subtree contiguous, into tasks.
-    fn schedule(&mut self, parents_first: &[NodeId]) {
-        let limit = Self::task_limit(self.leaves.len());
-        let mut tops = vec![];
-        let mut rest = parents_first;
-        while let Some((&id, below)) = rest.split_first() {
-            let node = self.nodes[id.index()];
-            if node.n_leaves() > limit {
-                tops.push(id);
-                rest = below;
-                continue;
-            }
-            let (own, after) = rest.split_at(node.n_leaves() as usize - 1);
-            let start = self.bottom_up.len();
-            self.bottom_up.extend(own.iter().rev());
-            self.tasks.push(Task { leaves: node.first..node.last + 1, nodes: start..self.bottom_up.len() });
-            rest = after;
-        }
-        self.bottom_up.extend(tops.iter().rev());
+        check_topology(children)?;
+        Ok(Self::numbered(children.len() + 1, NodeId::ROOT, |id| children[id.index()], PrimId))
     }
 }
 
-/// All nodes, parents before children, checked to be a tree over all primitives.
-fn parents_first(children: &[[Child; 2]]) -> Result<Vec<NodeId>, TopologyError> {
+/// Whether the nodes are a tree over all primitives.
+fn check_topology(children: &[[Child; 2]]) -> Result<(), TopologyError> {
     let mut node_seen = vec![false; children.len()];
     let mut leaf_seen = vec![false; children.len() + 1];
-    let mut order = Vec::with_capacity(children.len());
     let mut stack = vec![NodeId::ROOT];
     while let Some(id) = stack.pop() {
         let node = children.get(id.index()).ok_or(TopologyError::NoSuchNode { node: id.0 })?;
         if std::mem::replace(&mut node_seen[id.index()], true) {
             return Err(TopologyError::ReachedTwice { index: id.0, is_leaf: false });
         }
-        order.push(id);
         for child in node {
             match child.kind() {
                 ChildKind::Inner(id) => stack.push(id),
@@ -306,7 +244,7 @@ fn parents_first(children: &[[Child; 2]]) -> Result<Vec<NodeId>, TopologyError> 
     // If every node is visited once, so is every primitive: no two leaves are equal, and their number matches.
     match (0..).zip(&node_seen).find(|(_, is_seen)| !**is_seen) {
         Some((node, _)) => Err(TopologyError::Unreached { node }),
-        None => Ok(order),
+        None => Ok(()),
     }
 }
 

@@ -88,7 +88,8 @@ pub fn ploc(sorted: Sorted, leaf_boxes: &[Aabb], config: &PlocConfig) -> Tree {
         let n_merged = before - clusters.len();
         forced = n_merged == 0 || !forced && before > FEW && n_merged < before / SLOW;
     }
-    Tree::from_children(&children).expect("every cluster is merged once")
+    // Every cluster is merged once.
+    Tree::numbered(children.len() + 1, NodeId::ROOT, |id| children[id.index()], PrimId)
 }
 
 /// The partner of each cluster with the smallest union, within `radius` positions.

@@ -73,9 +73,8 @@ pub fn reinsert(tree: &Tree, leaf_boxes: &[Aabb], config: &ReinsertConfig) -> Tr
         return tree.clone();
     }
     stage("reinsertion: new order", || {
-        let children = pairs.children(tree);
-        drop(pairs);
-        Tree::from_children(&children).expect("moving a subtree keeps the tree valid")
+        let ChildKind::Inner(root) = pairs.child(pairs.top()).kind() else { return tree.clone() };
+        Tree::numbered(tree.leaves.len(), root, |id| pairs.pair(id).children, |leaf| tree.leaves[leaf as usize])
     })
 }
 
@@ -248,28 +247,6 @@ impl Pairs {
         let (_, nodes) = self.pairs.split_last().unwrap_or((&self.pairs[0], &[]));
         let of = |nodes: &[Pair]| nodes.iter().map(|pair| pair.boxes.around().exact_half_area()).sum::<f64>();
         par::map_chunks(nodes, PAIRS_PER_JOB, |_, nodes| of(nodes)).iter().sum()
-    }
-
-    /// Children of every node, in the order of a traversal that visits left children first; leaves by primitive.
-    pub(crate) fn children(&self, tree: &Tree) -> Vec<[Child; 2]> {
-        let mut children = Vec::with_capacity(tree.nodes.len());
-        let mut stack = vec![(self.child(self.top()), None::<(usize, usize)>)];
-        while let Some((child, slot)) = stack.pop() {
-            let renamed = match child.kind() {
-                ChildKind::Leaf(position) => Child::leaf(tree.leaves[position as usize].0),
-                ChildKind::Inner(id) => {
-                    let new = children.len();
-                    let [left, right] = self.pair(id).children;
-                    children.push([left, right]);
-                    stack.extend([(right, Some((new, 1))), (left, Some((new, 0)))]);
-                    Child::inner(NodeId(new as u32))
-                }
-            };
-            if let Some((parent, side)) = slot {
-                children[parent][side] = renamed;
-            }
-        }
-        children
     }
 }
 
