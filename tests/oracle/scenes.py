@@ -60,6 +60,7 @@ class Picture:
     environment: tuple = (0.0, 0.0, 0.0)
     lamp_drop: float | None = None  # lowers the model's emitters and makes them two-sided
     is_lambert: bool = True  # whether Lambert surfaces of the same color replace metal and glass
+    curves: str | None = None  # how Mitsuba calls their shape
     lens: tuple | None = None  # radius, focus distance
     n_segments: int | None = None  # of a path, including the camera's; None for no limit
     samples: int = 4096  # per pixel
@@ -99,9 +100,11 @@ PICTURES = {
     "kitchen-sphere": replace(KITCHEN, lights=(Sphere((1.9, 2.5, 2.2), 0.15, (20.0, 18.0, 15.0)),)),
     "penumbra": replace(FLOOR, model="floor, disc", lights=(Sphere((0.5, 3.0, 0.0), 0.4, (8.0, 8.0, 8.0)),)),
     "spot": replace(FLOOR, lights=(Spot((1.0, 4.0, 1.0), (-0.5, 0.0, 0.0), (20.0, 18.0, 14.0), 20.0),)),
+    "curves-linear": replace(FLOOR, curves="linearcurve", environment=BLUE, lights=(Sun((0.3, -1.0, -0.4), (3.0, 2.8, 2.5)),)),
     "lens": replace(FLOOR, model="floor, checker", environment=BLUE, lens=(0.3, 6.0)),
     "checker": replace(FLOOR, model="checker", environment=(1.0, 1.0, 1.0)),
 }
+PICTURES["curves-bspline"] = replace(PICTURES["curves-linear"], curves="bsplinecurve")
 # Limited paths of one, two and three bounces.
 for n in (2, 3, 4):
     PICTURES[f"cornell-env-{n}"] = replace(PICTURES["cornell-env"], n_segments=n)
@@ -235,6 +238,23 @@ def sky_image(file):
     return (1 - dy) * ((1 - dx) * at(0, 0) + dx * at(0, 1)) + dy * ((1 - dx) * at(1, 0) + dx * at(1, 1))
 
 
+def strand(i):
+    """Control points and radii of a strand that bends above the floor, its ends below it and thin."""
+    k = np.arange(7)
+    turn, reach = 2.399963 * i, 1.8 * np.sqrt((i + 0.5) / 40)
+    x = reach * np.cos(turn) + 0.3 * np.sin(0.9 * k + i)
+    z = reach * np.sin(turn) + 0.3 * np.cos(1.1 * k + 2 * i)
+    return np.float32(np.stack([x, 0.5 * k - 0.8, z, np.maximum(0.1 * (1 - k / 5), 0.001)], axis=1))
+
+
+def curves(folder, kind):
+    path = folder / "curves.txt"
+    line = lambda point: " ".join(f"{float(x):.9g}" for x in point)
+    path.write_text("\n\n".join("\n".join(map(line, strand(i))) for i in range(40)) + "\n")
+    surface = {"type": "diffuse", "reflectance": rgb((0.7, 0.45, 0.2))}
+    return {"type": kind, "filename": str(path), "bsdf": {"type": "twosided", "inner": surface}}
+
+
 def light(light):
     transform = mi.ScalarTransform4f()
     match light:
@@ -280,6 +300,8 @@ def scene(picture, folder):
     made = {"type": "scene", "integrator": integrator, "camera": camera(picture)}
     for number, part in enumerate(parts(picture.model)):
         made |= shape(folder, number, part, picture)
+    if picture.curves:
+        made["curves"] = curves(folder, picture.curves)
     made |= {f"light-{i}": light(each) for i, each in enumerate(picture.lights)}
     if any(picture.environment):
         made["environment"] = {"type": "constant", "radiance": rgb(picture.environment)}

@@ -7,8 +7,8 @@
 use canted_film::{Film, Picture};
 
 use crate::scenes::{
-    BLUE, OraclePicture, checker, cornell_env, cornell_lamp, cornell_paths, cornell_point, cornell_sun, kitchen_ball,
-    kitchen_sky, kitchen_sun, lens, penumbra, sponza_ball, sponza_blue_sky, sponza_image_sky, sponza_sun,
+    BLUE, OraclePicture, checker, cornell_env, cornell_lamp, cornell_paths, cornell_point, cornell_sun, curves,
+    kitchen_ball, kitchen_sky, kitchen_sun, lens, penumbra, sponza_ball, sponza_blue_sky, sponza_image_sky, sponza_sun,
     sponza_sun_paths, spot,
 };
 
@@ -52,6 +52,21 @@ fn a_sphere_light_and_its_penumbra() {
 #[test]
 fn a_spot_on_a_floor() {
     check(Some(spot()));
+}
+
+#[test]
+fn curves_in_the_sun() {
+    check(Some(curves(false)));
+    check(Some(curves(true)));
+}
+
+/// Strands that are a tenth thicker.
+#[test]
+fn thicker_strands_are_detected() {
+    let mut picture = curves(true);
+    let curves = picture.scene.meshes.iter_mut().filter_map(|mesh| mesh.curves.as_mut());
+    curves.flat_map(|curves| &mut curves.radii).for_each(|radius| *radius *= 1.1);
+    assert!(agree(&picture.ours(), &picture.theirs()).is_err());
 }
 
 /// A sphere light that is two per cent larger.

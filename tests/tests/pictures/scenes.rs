@@ -9,8 +9,8 @@ use canted_film::{Film, read_picture};
 use canted_obb::Affine;
 use canted_renderer::{Integrator, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, render};
 use canted_scene::{
-    Camera, Encoding, Environment, Instance, Lens, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture,
-    TextureId, TextureRef, Wrap, read, read_environment,
+    Camera, CurveSegments, CurveShape, Curves, Encoding, Environment, Instance, Lens, Light, Material, MaterialId,
+    Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef, Wrap, read, read_environment,
 };
 use canted_tests::scenes::models;
 
@@ -135,6 +135,60 @@ pub(crate) fn spot() -> OraclePicture {
         cos_outer: cosine.next_down(),
     };
     over_floor("spot", parts(&[floor()]), light)
+}
+
+/// Forty strands that bend above a floor, in the sun, as tubes of straight segments or of uniform B-splines.
+pub(crate) fn curves(is_cubic: bool) -> OraclePicture {
+    let name = if is_cubic { "curves-bspline" } else { "curves-linear" };
+    let sun = with_sun(parts(&[floor()]), [0.3, -1.0, -0.4], [3.0, 2.8, 2.5]);
+    let mut scene = Scene { environment: Some(BLUE.into()), ..sun };
+    let (mut positions, mut radii, mut linear, mut cubic) = (vec![], vec![], vec![], vec![]);
+    for strand in (0..40).map(strand) {
+        let mut push = |[x, y, z, radius]: [f64; 4]| {
+            positions.push([x as f32, y as f32, z as f32]);
+            radii.push(radius as f32);
+            positions.len() as u32 - 1
+        };
+        if is_cubic {
+            for &[a, b, c, d] in strand.array_windows() {
+                let sum = |w: [f64; 4]| std::array::from_fn(|k| w[0] * a[k] + w[1] * b[k] + w[2] * c[k] + w[3] * d[k]);
+                let weights = [[1.0, 4.0, 1.0, 0.0], [0.0, 4.0, 2.0, 0.0], [0.0, 2.0, 4.0, 0.0], [0.0, 1.0, 4.0, 1.0]];
+                cubic.push(weights.map(|w| push(sum(w.map(|w| w / 6.0)))));
+            }
+        } else {
+            let points = strand.map(push);
+            linear.extend(points.array_windows().copied());
+        }
+    }
+    let segments = if is_cubic { CurveSegments::Cubic(cubic) } else { CurveSegments::Linear(linear) };
+    let (mesh, material) = (MeshId(scene.meshes.len() as u32), MaterialId(scene.materials.len() as u32));
+    scene.materials.push(Material { base_color: [0.7, 0.45, 0.2], ..Material::default() });
+    scene.meshes.push(Mesh {
+        positions,
+        parts: vec![Part { first_triangle: 0, material }],
+        curves: Some(Curves { radii, segments, shape: CurveShape::Tube }),
+        ..Mesh::default()
+    });
+    scene.instances.push(Instance {
+        mesh,
+        world_from_object: Affine::IDENTITY,
+        world_from_object_close: None,
+        first_primitive: 2,
+    });
+    let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
+    OraclePicture { name, scene, camera, size: [64, 64], n_segments: None, samples: 256 }
+}
+
+/// Control points of a strand with radii.
+fn strand(i: u32) -> [[f64; 4]; 7] {
+    let i = f64::from(i);
+    let (turn, reach) = (2.399963 * i, 1.8 * ((i + 0.5) / 40.0).sqrt());
+    std::array::from_fn(|k| {
+        let k = k as f64;
+        let x = reach * turn.cos() + 0.3 * (0.9 * k + i).sin();
+        let z = reach * turn.sin() + 0.3 * (1.1 * k + 2.0 * i).cos();
+        [x, 0.5 * k - 0.8, z, (0.1 * (1.0 - k / 5.0)).max(0.001)]
+    })
 }
 
 /// A tilted wall of four times four texels, enlarged to show the filter, under a white sky.
