@@ -542,6 +542,7 @@ fn is_present(hit: Hit) -> bool {
     if materials[material].cutoff < 0.0 {
         return true;
     }
+    prepare_alpha(hit, triangle);
     let opacity = presence(material, triangle.vertices, vec3(1.0 - hit.u - hit.v, hit.u, hit.v));
     // Independent of traversal order: depends only on key, sample, instance and triangle.
     let seed = mix_bits(mix_bits(ray_key ^ hit.instance) ^ hit.primitive);
@@ -643,3 +644,21 @@ fn limited(light: vec3<f32>, n_scattered: u32) -> vec3<f32> {
 fn square(one: PixelSample, dimension: u32) -> vec2<f32> {
     return pair(picture.sampler, one.pixel, one.sample, dimension);
 }
+
+// part fiber
+// The hair at a hit.
+
+struct Fiber {
+    /// Absorption per radius.
+    absorption: vec3<f32>,
+    /// Roughness along the hair and around it, 0..=1.
+    roughness: f32,
+    roughness_around: f32,
+    /// Angle of the scales.
+    tilt_rad: f32,
+    ior: f32,
+    /// Whether the surface is one.
+    is_on: bool,
+}
+
+var<private> fiber: Fiber;

@@ -23,7 +23,7 @@ fn main(id: Invocation) {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     t_max = scaled_t(ray.t_max);
     if root != EMPTY {
-        leaf(root);
+        triangle_leaf(root);
     }
     hits[index] = best;
 }

@@ -55,7 +55,7 @@ fn fragment(corner: Corner) -> Texels {
     if !accepts(hit) {
         discard;
     }
-    let surface = surface_at(hit, ray.direction, pixel_cone(position, 0u));
+    let surface = surface_at(hit, ray, pixel_cone(position, 0u));
     return Texels(
         vec4(bitcast<vec3<u32>>(surface.position), bitcast<u32>(hit.t)),
         vec4(bitcast<vec3<u32>>(surface.normal), surface.material),

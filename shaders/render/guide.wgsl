@@ -64,7 +64,7 @@ fn guide_of(camera: CameraRay) -> Guide {
     if is_miss {
         return Guide(vec3(0.0), 0.0, vec3(0.0), tests.x, vec3(0.0), tests.y, NONE, NONE);
     }
-    let surface = surface_at(hit, camera.ray.direction, camera.cone);
+    let surface = surface_at(hit, camera.ray, camera.cone);
     let depth = dot(picture.forward, surface.position - picture.eye);
     let albedo = denoiser_albedo(bsdf_of(surface));
     return Guide(

@@ -112,7 +112,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
             if end.ends {
                 break;
             }
-            surface = surface_at(hit, ray.direction, cone);
+            surface = surface_at(hit, ray, cone);
             let emitted = limited(throughput * surface.emission, vertex);
             light.radiance += emitted;
             add_component(vertex, emitted);

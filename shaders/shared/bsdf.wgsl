@@ -1,5 +1,40 @@
 // choice full
 // All materials: metals, coated dielectrics, glass and thin walls.
+// use shared/bsdf/every
+
+/// Scattering from `incident` into `outgoing`, without delta lobes.
+fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
+    return evaluate_material(bsdf, outgoing, incident);
+}
+
+/// Samples an incident direction from a point of the unit square and a number in `[0, 1)` that selects a lobe.
+fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
+    return sample_material(bsdf, outgoing, square, choice);
+}
+
+// choice hair
+// All materials, and hair: what `fiber` says, if it is on.
+// use shared/bsdf/every
+// use shared/hair
+
+/// Scattering from `incident` into `outgoing`, without delta lobes.
+fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
+    if fiber.is_on {
+        return evaluate_hair(outgoing, incident);
+    }
+    return evaluate_material(bsdf, outgoing, incident);
+}
+
+/// Samples an incident direction from a point of the unit square and a number in `[0, 1)` that selects a lobe.
+fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
+    if fiber.is_on {
+        return sample_hair(outgoing, square, choice);
+    }
+    return sample_material(bsdf, outgoing, square, choice);
+}
+
+// part every
+// Metals, coated dielectrics, glass and thin walls.
 // use shared/sampling
 // use shared/bsdf/diffuse
 // use shared/bsdf/scattering
@@ -7,7 +42,7 @@
 // use shared/bsdf/ggx
 
 /// Scattering from `incident` into `outgoing`, without delta lobes.
-fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
+fn evaluate_material(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
     if outgoing.z < MIN_COSINE || abs(incident.z) < MIN_COSINE {
         return no_evaluation();
     }
@@ -18,7 +53,7 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
 }
 
 /// Samples an incident direction from a point of the unit square and a number in `[0, 1)` that selects a lobe.
-fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
+fn sample_material(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
     if outgoing.z < MIN_COSINE {
         return no_bsdf_sample();
     }
@@ -44,7 +79,7 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
 /// Smaller densities may have been flushed to zero.
 const MIN_DENSITY: f32 = 1e-30;
 
-/// Whether `evaluate_bsdf` is zero everywhere, so that lights need not be sampled.
+/// Whether `evaluate_bsdf` is zero everywhere, so that lights need not be sampled; never for hair, which is rough.
 fn is_delta_only(bsdf: Bsdf) -> bool {
     return slope_width(bsdf.roughness) == 0.0 && all(diffuse_color(bsdf) == vec3(0.0));
 }

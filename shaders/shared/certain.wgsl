@@ -43,6 +43,7 @@
 // use shared/triangle/records
 // use ?level
 // use ?count
+// use ?decide
 // use shared/invocation/iterations
 // const STACK_SIZE
 // const MAX_ITERATIONS
@@ -230,7 +231,7 @@ fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
 }
 
 /// Tests the triangle at a quad, and keeps what is certain about its hit.
-fn decide(at: u32) {
+fn decide_triangle(at: u32) {
     let a = vertex(at) - shear.origin;
     let b = vertex(at + 1u) - shear.origin;
     let c = vertex(at + 2u) - shear.origin;
@@ -304,4 +305,25 @@ fn keep(t: f32, error: f32, at: u32) {
     best_number = number;
     best_instance = space.instance;
     best_at = at;
+}
+
+// choice decide/triangles
+// BVHs over triangles.
+
+/// Tests the triangle at a quad, and keeps what is certain about its hit.
+fn decide(at: u32) {
+    decide_triangle(at);
+}
+
+// choice decide/curves
+// BVHs over triangles and over round segments.
+// use shared/segment/certain
+
+/// Tests the primitive at a quad, and keeps what is certain about its hit.
+fn decide(at: u32) {
+    if is_of_segments() {
+        decide_segment(at);
+    } else {
+        decide_triangle(at);
+    }
 }

@@ -15,7 +15,7 @@ struct Instance {
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
-    /// Index of the BVH; index of the motion plus one, or 0 for none; mask.
+    /// Index of the BVH; index of the motion plus one, or 0 for none; mask; whether the BVH is over round segments.
     bvh: vec4<u32>,
     /// The CPU's rows, with translations, as f64: two quads for each, lower halves first.
     exact_rows: array<vec4<u32>, 6>,
@@ -117,6 +117,11 @@ fn bvh_of(instance: u32) -> u32 {
     return instances[instance].bvh.x;
 }
 
+/// Whether the current BVH is over round segments.
+fn is_of_segments() -> bool {
+    return instances[space.instance].bvh.w != 0u;
+}
+
 /// The image of a normal: by the transposed inverse, whose rows are products and two sums. `rounding` is relative to the sum of absolute terms.
 fn normal_by(inverse: Inverse, normal: vec3<f32>, rounding: f32) -> PlacedNormal {
     return PlacedNormal(inverse.rows * normal, rounding * (inverse.sizes * abs(normal)));
@@ -159,6 +164,11 @@ fn mask_of(instance: u32) -> u32 {
 
 fn bvh_of(instance: u32) -> u32 {
     return 0u;
+}
+
+/// Whether the BVH is over round segments, in kernels that know of them.
+fn is_of_segments() -> bool {
+    return true;
 }
 
 /// A normal in world space, which is rounded to f32.

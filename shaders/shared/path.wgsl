@@ -101,7 +101,7 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
         return;
     }
     let number = (*path).n_vertices;
-    let surface = surface_at(hit, ray.direction, cone_of(*path));
+    let surface = surface_at(hit, ray, cone_of(*path));
     if any(surface.emission != vec3(0.0)) {
         let density = surface_light_density(previous_receiver(*path), hit.instance, hit.primitive, ray.direction);
         gather(path, surface.emission, density);

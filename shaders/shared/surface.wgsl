@@ -1,13 +1,14 @@
 // Surface at a hit: point, normals, material. World space; twin of the CPU's `Surfaces`, in f32.
 //
-// `?placed` locates meshes: one instance, several in one level, or several in two. `?texture` looks up textures, `?normal`
-// gives the shading normal.
+// `?placed` locates meshes: one instance, several in one level, or several in two. `?shapes` are triangles, or also curves. `?texture` looks up
+// textures, `?normal` gives the shading normal.
 // use shared/cone
 // use shared/surface/mesh
 // use shared/numbers
 // use shared/ray
 // use shared/vector
 // use ?placed
+// use ?shapes
 // use ?normal
 // use ?texture
 
@@ -34,9 +35,13 @@ struct Material {
     alpha_slot: u32,
     /// Whether rays pass one of its sides.
     single_sided: u32,
+    /// Index of the hair on curves; `NO_HAIR` for other materials.
+    hair: u32,
 }
 
 const NO_SLOT: u32 = 0xffffffffu;
+
+const NO_HAIR: u32 = 0xffffffffu;
 
 @group(2) @binding(0) var<storage, read> materials: array<Material>;
 
@@ -68,8 +73,8 @@ struct SmoothSurface {
     normal: vec3<f32>,
 }
 
-/// The surface at a hit of a ray along `direction`, of any length, with this cone at its origin.
-fn surface_at(hit: Hit, direction: vec3<f32>, cone: Cone) -> Surface {
+/// The surface of a triangle at a hit of a ray along `direction`, of any length, with this cone at its origin.
+fn triangle_surface(hit: Hit, direction: vec3<f32>, cone: Cone) -> Surface {
     let triangle = triangles[triangle_of(hit)];
     let weights = vec3(1.0 - hit.u - hit.v, hit.u, hit.v);
     let winding = normal_world(hit.instance, triangle.normal);
@@ -148,6 +153,107 @@ fn mirror_outward(surface: Surface, direction: vec3<f32>) -> vec3<f32> {
     return direction - horizon * (2.0 * min(dot(horizon, direction), 0.0));
 }
 
+// choice shapes/triangles
+// Scenes of triangles.
+
+/// The surface at a hit of a ray with this cone at its origin.
+fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
+    return triangle_surface(hit, ray.direction, cone);
+}
+
+fn prepare_alpha(hit: Hit, triangle: Triangle) {}
+
+// choice shapes/curves
+// Scenes of triangles and of round segments; twin of crates/renderer/src/surface/curve.rs.
+//
+// A segment is a `Triangle` whose vertices are its ends, and the first end again; its `normal` has the two radii and where it begins along the strand, its `area_root`
+// where it ends. Of a hit, `u` is the position along the segment, `v`
+// is 1 where the ray leaves it. So the weights of triangles, `1 - u - v`, `u` and `v`, give what is between the ends.
+// use shared/surface/along
+
+/// The surface at a hit of a ray with this cone at its origin.
+fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
+    if is_curve(hit.instance) {
+        return tube_surface(hit, ray, cone);
+    }
+    return triangle_surface(hit, ray.direction, cone);
+}
+
+/// The surface of a round segment: the point of the ray, moved onto the ball that touches the surface there.
+fn tube_surface(hit: Hit, ray: Ray, cone: Cone) -> Surface {
+    let segment = triangles[triangle_of(hit)];
+    let first = position_of(segment.vertices.x);
+    let axis = position_of(segment.vertices.y) - first;
+    let narrowing = segment.normal.x - segment.normal.y;
+    // Relative to the first end.
+    let away = first - vector_object(hit.instance, ray.origin - point_world(hit.instance, vec3(0.0)));
+    let near = hit.t * vector_object(hit.instance, ray.direction) - away;
+    // The position is rounded: the one of the ball that touches a cone at the point is computed again.
+    let square = dot(axis, axis) - narrowing * narrowing;
+    var u = hit.u;
+    if square > 0.0 && u > 0.0 && u < 1.0 {
+        u = clamp((dot(near, axis) - segment.normal.x * narrowing) / square, 0.0, 1.0);
+    }
+    let radius = segment.normal.x - narrowing * u;
+    let from_center = unit(near - axis * u);
+    let outward_object = select(from_center, vec3(0.0, 0.0, 1.0), all(from_center == vec3(0.0)));
+    let position = point_world(hit.instance, first + (axis * u + outward_object * radius));
+    // The cofactors of a mirroring transform turn normals around.
+    let image = normal_world(hit.instance, outward_object) * select(1.0, -1.0, mirrors(hit.instance));
+    let outward = select(image, -unit(ray.direction), all(image == vec3(0.0)));
+    let normal = select(outward, -outward, dot(outward, ray.direction) > 0.0);
+    let right = unit(cross(vector_object(hit.instance, ray.direction), axis));
+    curve_along = vector_world(hit.instance, axis);
+    curve_width = 2.0 * vector_world(hit.instance, right * radius);
+    curve_part = segment.area_root - segment.normal.z;
+    curve_uv = vec2(segment.normal.z + u * curve_part, 0.5 + 0.5 * dot(outward_object, right));
+    let weights = vec3(1.0 - u, u, 0.0);
+    let arrived = grown(cone, hit.t * size(ray.direction));
+    // Textures are filtered in the plane of axis and width; where there is none, in one so large that a texel is enough.
+    let plane = cross(curve_along, curve_width);
+    let breadth = select(sqrt(size(plane)), MAX_QUOTIENT, all(plane == vec3(0.0)));
+    let facing = select(unit(plane), normal, all(plane == vec3(0.0)));
+    let lookup = TextureLookup(segment.vertices, weights, hit.instance, facing, breadth, unit(ray.direction), arrived);
+    let material = segment.material & 0x7fffffffu;
+    return Surface(
+        position,
+        normal,
+        normal,
+        SmoothSurface(position, normal),
+        hit.v < 0.5,
+        materials[material].base_color * texel(materials[material].base_color_slot, lookup).rgb * vertex_color(segment.vertices, weights).rgb,
+        materials[material].emission * texel(materials[material].emission_slot, lookup).rgb,
+        slack_of(hit.instance) * (abs(normal.x) + abs(normal.y) + abs(normal.z)),
+        arrived,
+        material,
+        lookup,
+    );
+}
+
+/// Prepares the coordinates of a hit whose alpha is looked up: tubes have it in the middle of `v`.
+fn prepare_alpha(hit: Hit, triangle: Triangle) {
+    curve_uv = vec2(triangle.normal.z + hit.u * (triangle.area_root - triangle.normal.z), 0.5);
+}
+
+// part along
+// The curve of the last surface, if it was one. World space.
+
+/// The direction, as long as the segment, and to the right, as long as the curve is wide.
+var<private> curve_along: vec3<f32>;
+var<private> curve_width: vec3<f32>;
+
+/// Texture coordinates: along the strand, and across. And how much of the strand the segment is.
+var<private> curve_uv: vec2<f32>;
+var<private> curve_part: f32;
+
+// choice exits/hair
+// Rays that start in a hair leave it without a hit, as its BSDF is that of the whole fiber.
+// use shared/surface
+
+fn is_passed_at_exit(hit: Hit) -> bool {
+    return materials[triangles[triangle_of(hit)].material & 0x7fffffffu].hair != NO_HAIR;
+}
+
 // part mesh
 // Triangles and vertices. Only the attributes that the scene has are stored, in columns of `STRIDE` words. `COLOR` and similar
 // constants are the first column of an attribute; 0 means absent, because positions come first.
@@ -213,6 +319,16 @@ fn vector_world(instance: u32, vector: vec3<f32>) -> vec3<f32> {
     return vector;
 }
 
+/// The inverse of `vector_world`.
+fn vector_object(instance: u32, vector: vec3<f32>) -> vec3<f32> {
+    return vector;
+}
+
+/// Whether the instance is of curves.
+fn is_curve(instance: u32) -> bool {
+    return false;
+}
+
 /// Unit normal of the transformed plane; zero for zero.
 fn normal_world(instance: u32, normal: vec3<f32>) -> vec3<f32> {
     return unit(normal);
@@ -252,6 +368,8 @@ struct Placement {
     /// Index of the motion; `NONE` if the instance does not move.
     motion: u32,
     cofactor_y: vec3<f32>,
+    /// Whether the mesh has curves.
+    is_curve: u32,
     cofactor_z: vec3<f32>,
 }
 
@@ -269,6 +387,19 @@ fn normal_world(instance: u32, normal: vec3<f32>) -> vec3<f32> {
 /// Whether the instance mirrors.
 fn mirrors(instance: u32) -> bool {
     return placements[instance].handedness < 0.0;
+}
+
+/// Whether the instance is of curves.
+fn is_curve(instance: u32) -> bool {
+    return placements[instance].is_curve != 0u;
+}
+
+/// The inverse of `vector_world`, by cofactors over the determinant.
+fn vector_object(instance: u32, vector: vec3<f32>) -> vec3<f32> {
+    let x = by_cofactors(instance, vec3(1.0, 0.0, 0.0));
+    let y = by_cofactors(instance, vec3(0.0, 1.0, 0.0));
+    let z = by_cofactors(instance, vec3(0.0, 0.0, 1.0));
+    return vec3(dot(vector, x), dot(vector, y), dot(vector, z)) / dot(vector_world(instance, vec3(1.0, 0.0, 0.0)), x);
 }
 
 /// Error along each axis between the plane of a triangle and a ray that leaves it.
@@ -535,7 +666,7 @@ fn vertex_of(surface: Surface) -> Vertex {
     // If the shading normal faces away from the viewer, the triangle's normal is used.
     let faces = dot(surface.shading_normal, viewer) > 0.0;
     let normal = select(surface.normal, surface.shading_normal, faces);
-    let basis = basis_about(normal);
+    let basis = frame_about(surface, normal);
     let horizon = surface.smooth_surface.normal;
     return Vertex(bsdf_of(surface), basis, viewer * basis, horizon, any(normal != horizon));
 }
@@ -573,11 +704,86 @@ fn in_plane_mirrored(vertex: Vertex, direction: vec3<f32>) -> vec3<f32> {
     return direction - vertex.normal * (2.0 * dot(vertex.normal, direction));
 }
 
+// part plain_frame
+// Frames of BSDFs that are the same in all directions about the normal.
+// use shared/sampling
+
+/// The frame of the BSDF about a unit normal.
+fn frame_about(surface: Surface, normal: vec3<f32>) -> mat3x3<f32> {
+    return basis_about(normal);
+}
+
 // choice material/full
 // Materials with all parameters and textures.
-// use shared/bsdf/scattering
+// use shared/surface/parameters
+// use shared/surface/plain_frame
 
 fn bsdf_of(surface: Surface) -> Bsdf {
+    return bsdf_of_parameters(surface);
+}
+
+// choice material/hair
+// Materials with all parameters and textures, and hair on curves.
+// use shared/surface
+// use shared/surface/parameters
+// use shared/surface/along
+// use shared/fiber
+// use shared/sampling
+
+/// Hair of a material.
+struct HairMaterial {
+    /// Absorption per radius, where the color does not give it.
+    absorption: vec3<f32>,
+    roughness: f32,
+    roughness_around: f32,
+    tilt_rad: f32,
+    ior: f32,
+    /// Divisor of the logarithm of the color that gives the absorption; 0 where it does not.
+    of_color: f32,
+}
+
+@group(2) @binding(10) var<storage, read> hairs: array<HairMaterial>;
+
+/// The frame of the BSDF about a unit normal: its first axis is along a hair.
+fn frame_about(surface: Surface, normal: vec3<f32>) -> mat3x3<f32> {
+    let along = unit(curve_along);
+    let x = unit(along - normal * dot(normal, along));
+    if materials[surface.material].hair == NO_HAIR || all(x == vec3(0.0)) {
+        return basis_about(normal);
+    }
+    return mat3x3<f32>(x, cross(normal, x), normal);
+}
+
+/// The parameters; of hair in `fiber`, and in the BSDF those of a sheet that transmits light.
+fn bsdf_of(surface: Surface) -> Bsdf {
+    let number = materials[surface.material].hair;
+    fiber.is_on = number != NO_HAIR;
+    var bsdf = bsdf_of_parameters(surface);
+    if !fiber.is_on {
+        return bsdf;
+    }
+    let hair = hairs[number];
+    fiber.absorption = hair.absorption;
+    if hair.of_color != 0.0 {
+        let root = log(clamp(surface.base_color, vec3(1e-4), vec3(1.0))) / hair.of_color;
+        fiber.absorption = root * root;
+    }
+    fiber.roughness = hair.roughness;
+    fiber.roughness_around = hair.roughness_around;
+    fiber.tilt_rad = hair.tilt_rad;
+    fiber.ior = hair.ior;
+    bsdf.roughness = 1.0;
+    bsdf.transmission = 1.0;
+    bsdf.thin_walled = true;
+    bsdf.is_inside = false;
+    return bsdf;
+}
+
+// part parameters
+// All parameters of materials, and their textures.
+// use shared/bsdf/scattering
+
+fn bsdf_of_parameters(surface: Surface) -> Bsdf {
     let material = materials[surface.material];
     let rough_metal = texel(material.rough_metal_slot, surface.lookup);
     let transmission = material.transmission * texel(material.transmission_slot, surface.lookup).r;
@@ -597,6 +803,7 @@ fn bsdf_of(surface: Surface) -> Bsdf {
 // choice material/lambert
 // All materials are diffuse.
 // use shared/bsdf/scattering
+// use shared/surface/plain_frame
 
 fn bsdf_of(surface: Surface) -> Bsdf {
     return Bsdf(surface.base_color, 0.0, 1.0, 0.0, 0.0, 1.5, false, false);

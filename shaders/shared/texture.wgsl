@@ -17,8 +17,10 @@ fn uv_edges(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
 // Texture lookup at a point, or averaged over the footprint of a ray. `?lod` gives the footprint, `?texels` the images.
 // Formulas are those of the CPU. Coordinates are f32, so repeated textures lose precision far from the origin: 2^-23 of the
 // coordinate.
+// `?coordinates` are those of triangles, or also of curves.
 // use ?lod
 // use ?texels
+// use ?coordinates
 // use shared/invocation/iterations
 
 /// A texture as used by a material.
@@ -54,7 +56,7 @@ fn texel(slot: u32, lookup: TextureLookup) -> vec4<f32> {
     let head = slots[slot].head;
     let level_0 = images[head + 1u];
     let ellipse = footprint(lookup, uv_edges(slot, lookup), vec2<f32>(level_0.yz));
-    let uv = uv_of(slot, lookup.vertices, lookup.weights);
+    let uv = uv_of_lookup(slot, lookup);
     let n_levels = images[head].x;
     let level = clamp(ellipse.level, 0.0, f32(n_levels - 1u));
     let n = f32(ellipse.n_probes);
@@ -69,7 +71,7 @@ fn texel(slot: u32, lookup: TextureLookup) -> vec4<f32> {
 
 /// Alpha at a point, at full resolution.
 fn texel_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
-    return bilinear(slots[slot].head, 0u, uv_of(slot, corners, weights)).a;
+    return bilinear(slots[slot].head, 0u, uv_of_alpha(slot, corners, weights)).a;
 }
 
 /// Texture coordinates of a point.
@@ -77,10 +79,16 @@ fn uv_of(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec2<f32> {
     return weights.x * uv_at(slot, corners.x) + weights.y * uv_at(slot, corners.y) + weights.z * uv_at(slot, corners.z);
 }
 
-/// Changes of texture coordinates along the edges of the triangle.
-fn uv_edges(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
+/// Changes of texture coordinates along the edges of a triangle.
+fn uv_edges_of_triangle(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
     let first = uv_at(slot, lookup.vertices.x);
     return mat2x2(uv_at(slot, lookup.vertices.y) - first, uv_at(slot, lookup.vertices.z) - first);
+}
+
+/// The edges of a triangle in world space.
+fn world_edges_of_triangle(lookup: TextureLookup) -> mat2x3<f32> {
+    let found = edges(lookup.vertices);
+    return mat2x3(vector_world(lookup.instance, found[0]), vector_world(lookup.instance, found[1]));
 }
 
 /// Texture coordinates of a vertex.
@@ -171,6 +179,62 @@ fn decoded(index: u32, is_srgb: bool) -> vec4<f32> {
     return vec4(red, green, blue, plain.a);
 }
 
+// choice coordinates/triangles
+// Coordinates of triangles alone.
+
+fn uv_of_lookup(slot: u32, lookup: TextureLookup) -> vec2<f32> {
+    return uv_of(slot, lookup.vertices, lookup.weights);
+}
+
+fn uv_of_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec2<f32> {
+    return uv_of(slot, corners, weights);
+}
+
+fn uv_edges(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
+    return uv_edges_of_triangle(slot, lookup);
+}
+
+fn world_edges(lookup: TextureLookup) -> mat2x3<f32> {
+    return world_edges_of_triangle(lookup);
+}
+
+// choice coordinates/curves
+// Coordinates of triangles, and of curves along their strands and across; the first and the last vertex of a curve are equal.
+// use shared/surface/along
+
+fn uv_of_lookup(slot: u32, lookup: TextureLookup) -> vec2<f32> {
+    return uv_of_alpha(slot, lookup.vertices, lookup.weights);
+}
+
+fn uv_of_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec2<f32> {
+    if corners.x != corners.z {
+        return uv_of(slot, corners, weights);
+    }
+    // At least half a texel from the ends and edges of the strand: beyond, a texture that repeats is a mixture of both.
+    let texels = vec2<f32>(images[slots[slot].head + 1u].yz);
+    let per_u = max(max(abs(texels.x * slots[slot].u.x), abs(texels.y * slots[slot].v.x)), 1.0);
+    let per_v = max(max(abs(texels.x * slots[slot].u.y), abs(texels.y * slots[slot].v.y)), 1.0);
+    let margin = 0.5 / vec2(per_u, per_v);
+    let uv = vec3(clamp(curve_uv, margin, 1.0 - margin), 1.0);
+    return vec2(dot(slots[slot].u, uv), dot(slots[slot].v, uv));
+}
+
+fn uv_edges(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
+    if lookup.vertices.x != lookup.vertices.z {
+        return uv_edges_of_triangle(slot, lookup);
+    }
+    let u = slots[slot].u;
+    let v = slots[slot].v;
+    return mat2x2(vec2(u.x, v.x) * curve_part, vec2(u.y, v.y));
+}
+
+fn world_edges(lookup: TextureLookup) -> mat2x3<f32> {
+    if lookup.vertices.x != lookup.vertices.z {
+        return world_edges_of_triangle(lookup);
+    }
+    return mat2x3(curve_along, curve_width);
+}
+
 // part lod/square
 // Square texture footprints.
 
@@ -211,10 +275,10 @@ fn footprint(lookup: TextureLookup, along: mat2x2<f32>, texels: vec2<f32>) -> Fo
         return square_footprint(lookup, along, texels);
     }
     let cosine = dot(lookup.winding, lookup.direction);
-    let edge_vectors = edges(lookup.vertices);
+    let edge_vectors = world_edges(lookup);
     let scale = 1.0 / max(lookup.area_root, 1e-18);
-    let first = vector_world(lookup.instance, edge_vectors[0]) * scale;
-    let second = vector_world(lookup.instance, edge_vectors[1]) * scale;
+    let first = edge_vectors[0] * scale;
+    let second = edge_vectors[1] * scale;
     // The longer axis follows the slope; at normal incidence all axes are equal.
     let slope = unit(lookup.direction - lookup.winding * cosine);
     let down = select(slope, unit(first), all(slope == vec3(0.0)));

@@ -15,12 +15,37 @@ fn occluded(ray: Ray) -> bool {
 }
 
 // choice wide
-// Ordered traversal with a stack in private memory.
+// Wide BVHs over triangles.
+// use shared/traverse/loop
+// use shared/triangle/leaf/records
+
+/// Tests the triangles of a leaf.
+fn leaf(word: u32) {
+    triangle_leaf(word);
+}
+
+// choice curves
+// Wide BVHs over triangles and over round segments.
+// use shared/traverse/loop
+// use shared/triangle/leaf/records
+// use shared/segment/leaf
+
+/// Tests the primitives of a leaf.
+fn leaf(word: u32) {
+    if is_of_segments() {
+        segment_leaf(word);
+    } else {
+        triangle_leaf(word);
+    }
+}
+
+// part loop
+// Ordered traversal with a stack in private memory. `leaf` tests the primitives of a leaf.
 //
 // The stack has at most one entry per level: the word of a node and, in three bits each, its pending children from the nearest.
 // A pending child is tested again when the ray returns to its node, with the best hit so far. So entries need no distances.
 // use shared/bvh/node
-// use shared/triangle/leaf/records
+// use shared/triangle/leaf
 // use ?level
 // use ?count
 // use shared/invocation/iterations

@@ -260,7 +260,7 @@ fn is_hit_exactly(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
 // use shared/triangle/records
 
 /// Tests the triangles of a leaf: all by a filter, then those that the ray may hit.
-fn leaf(word: u32) {
+fn triangle_leaf(word: u32) {
     let first = first_of_leaf(word);
     let n = size_of_leaf(word);
     count_triangles(n);
@@ -298,4 +298,33 @@ fn is_candidate(at: u32) -> bool {
     let sum = ((abs(a.x) + abs(a.y)) + (abs(b.x) + abs(b.y))) + (abs(c.x) + abs(c.y));
     let error = shear.apart.x * (sum + shear.apart.y) + TINY;
     return !(min(u, min(v, w)) < -error && max(u, max(v, w)) > error);
+}
+
+// part weighed
+// `t` and weights of a hit that is certain.
+// use shared/triangle/records
+// use shared/undecided/found
+
+/// The hit of a triangle in the current instance.
+fn weighed_triangle(index: u32, found: Found) -> Hit {
+    let corners = array<vec3<f32>, 3>(
+        sheared(vertex(found.at) - shear.origin),
+        sheared(vertex(found.at + 1u) - shear.origin),
+        sheared(vertex(found.at + 2u) - shear.origin),
+    );
+    let weights = inside(corners);
+    if weights.w < 0.0 {
+        // The exact kernel interpolates along an edge.
+        list(index);
+    }
+    let z = weights.x * corners[0].z + (weights.y * corners[1].z + weights.z * corners[2].z);
+    return Hit(caller_t(guarded_quotient(z, shear.depth)), weights.y, weights.z, found.primitive, found.instance);
+}
+
+// choice weights/triangles
+// Scenes of triangles.
+// use shared/triangle/weighed
+
+fn completed(index: u32, found: Found) -> Hit {
+    return weighed_triangle(index, found);
 }

@@ -32,7 +32,10 @@ pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
         || ["shared/module", "shared/traverse", "check/moving", "check/triangle"].contains(&kernel);
     let fills = |slot: &str| {
         let mut parts = parts(slot);
-        parts.retain(|part| !only_traces || !part.starts_with("shared/mask/") || part == "shared/mask/none");
+        let reads_surfaces = |part: &str| {
+            part.starts_with("shared/surface/") || part.starts_with("shared/mask/") && part != "shared/mask/none"
+        };
+        parts.retain(|part| !only_traces || !reads_surfaces(part));
         parts
     };
     let mut done = vec![];
@@ -91,8 +94,8 @@ mod tests {
                 ("volume", "shared/bvh/volume/obb"),
             ] {
                 let n = all.iter().filter(|chosen| has(chosen, kinds) && has(chosen, ("level", &level))).count();
-                // With and without counts.
-                assert_eq!(n, 2, "{kinds:?}, {level}");
+                // With and without counts, and wide BVHs with and without curves.
+                assert_eq!(n, if kinds.0 == "volume" { 2 } else { 4 }, "{kinds:?}, {level}");
             }
         }
         assert!(variants("no/kernel").is_err());

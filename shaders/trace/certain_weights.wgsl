@@ -1,5 +1,6 @@
 // `t` and weights of the hits of `trace/certain_closest`, with the bits of the exact kernels. They are apart from the loop, which is shorter so.
 // use shared/triangle/records
+// use ?weights
 // use shared/undecided/found
 // use ?level
 // use shared/invocation/index
@@ -14,18 +15,7 @@ fn main(id: Invocation) {
     }
     let found = hits[index];
     enter_instance(rays[index], found.instance);
-    let corners = array<vec3<f32>, 3>(
-        sheared(vertex(found.at) - shear.origin),
-        sheared(vertex(found.at + 1u) - shear.origin),
-        sheared(vertex(found.at + 2u) - shear.origin),
-    );
-    let weights = inside(corners);
-    if weights.w < 0.0 {
-        // The exact kernel interpolates along an edge.
-        list(index);
-    }
-    let z = weights.x * corners[0].z + (weights.y * corners[1].z + weights.z * corners[2].z);
-    let hit = placed(Hit(caller_t(guarded_quotient(z, shear.depth)), weights.y, weights.z, found.primitive, found.instance));
+    let hit = placed(completed(index, found));
     let numbers = bitcast<vec3<u32>>(vec3<f32>(hit.t, hit.u, hit.v));
     hits[index] = Found(numbers.x, numbers.y, numbers.z, hit.primitive, hit.instance);
 }

@@ -1,6 +1,7 @@
 //! Stages of the renderer on the device compared with those on the CPU.
 
 mod components;
+mod curves;
 mod frames;
 mod paths;
 mod raster;
@@ -12,6 +13,7 @@ pub(crate) use canted_tests::device::gpu;
 fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
         components::tests(),
+        curves::tests(),
         frames::tests(),
         paths::tests(),
         raster::tests(),

@@ -7,6 +7,7 @@ mod deep;
 mod download;
 mod frames;
 mod moving;
+mod segments;
 mod small;
 mod triangles;
 
@@ -22,6 +23,7 @@ fn main() -> std::process::ExitCode {
         download::tests(),
         frames::tests(),
         moving::tests(),
+        segments::tests(),
         small::tests(),
         triangles::tests(),
     ])

@@ -76,6 +76,9 @@ impl TracedScene {
 
     /// The BVH with a header.
     async fn download_number(&self, gpu: &Gpu, number: usize) -> Result<DownloadedBvh, GpuError> {
+        if self.has_segments() {
+            return Err(GpuError::Unsupported { what: "a download of a scene with curves".to_owned() });
+        }
         let header = gpu.read_async(self.tables().headers()).await?[number];
         let flawed = |flaw: String| GpuError::Input { message: format!("the BVH on the device is damaged: {flaw}") };
         match &self.nodes {

@@ -125,29 +125,21 @@ impl BvhHeader {
 pub(super) struct InstanceData {
     /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.
     rows: [[f32; 4]; 3],
-    /// Index of its BVH; index of its motion plus one, or 0 for none; its mask.
+    /// Index of its BVH; index of its motion plus one, or 0 for none; its mask; whether the BVH is over round segments.
     bvh: Quad,
     /// Rows of `object_from_world` as on the CPU, with translations: for each entry the lower half of its f64, then the upper.
     exact_rows: [[[u32; 2]; 4]; 3],
 }
 
 impl InstanceData {
-    pub(super) fn new(
-        object_from_world: &[[f64; 4]; 3],
-        world_from_object: &Affine,
-        [bvh, motion, mask]: [u32; 3],
-    ) -> Self {
+    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, bvh: Quad) -> Self {
         let at = world_from_object.columns[3];
         let row = |k: usize| {
             let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
             [x, y, z, at[k]]
         };
         let words = |x: f64| [x.to_bits() as u32, (x.to_bits() >> 32) as u32];
-        Self {
-            rows: [row(0), row(1), row(2)],
-            bvh: [bvh, motion, mask, 0],
-            exact_rows: object_from_world.map(|row| row.map(words)),
-        }
+        Self { rows: [row(0), row(1), row(2)], bvh, exact_rows: object_from_world.map(|row| row.map(words)) }
     }
 }
 

@@ -1,8 +1,10 @@
-//! The triangles of wide BVHs as kernels read them: one after another in the order of leaves, three quads each.
+//! The triangles and round segments of wide BVHs as kernels read them: one after another in the order of leaves, three quads each.
 //!
 //! On the CPU eight lanes test the triangles of a block at once, so its blocks have rows of coordinates. A device tests a triangle in each lane, and
 //! reads one with three loads. The word of a leaf there names its first triangle instead of a half of a block.
 
+use canted_obb::PrimId;
+use canted_trace::RoundSegment;
 use canted_wide::RawBvh;
 
 use super::layout::{EMPTY, LEAF, Quad};
@@ -21,7 +23,8 @@ const LEAF_FIRST: u32 = 0x03ff_ffff;
 /// Most triangles that the words of leaves can name.
 pub(super) const MOST_TRIANGLES: usize = 1 << 26;
 
-/// A triangle: a vertex in each quad, and its number in the last word of the first.
+/// A triangle: a vertex in each quad, and its number in the last word of the first. A round segment: the ends in two quads, its number as for a
+/// triangle, and the radii in the third.
 pub(super) type LeafTriangle = [Quad; 3];
 
 /// A BVH as it is uploaded.
@@ -47,6 +50,17 @@ impl<'a> UploadedBvh<'a> {
             triangles.extend((0..size_of(*leaf)).map(|i| triangle_of(blocks, *leaf, i)));
             *leaf = *leaf & !LEAF_FIRST | first as u32 & LEAF_FIRST;
         });
+        Self { words, triangles }
+    }
+
+    /// A BVH over round segments. The leaves name places in the order of the CPU, which is kept.
+    pub(super) fn over_segments(words: RawBvh<'a>, segments: &[RoundSegment]) -> Self {
+        let record = |id: &PrimId| {
+            let RoundSegment { ends, radii: [r, s] } = segments[id.index()];
+            let [[a, b, c], [d, e, f]] = ends.map(|end| end.map(f32::to_bits));
+            [[a, b, c, id.0], [d, e, f, 0], [r.to_bits(), s.to_bits(), 0, 0]]
+        };
+        let triangles = words.order.iter().map(record).collect();
         Self { words, triangles }
     }
 }

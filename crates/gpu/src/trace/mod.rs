@@ -34,5 +34,5 @@ pub use instances::{MAX_CONDITION, MotionPolynomials};
 pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE, ModuleHit};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
-pub use scene::{SceneInput, TracedScene};
+pub use scene::{HostBvh, SceneInput, TracedScene};
 pub use undecided::Undecided;

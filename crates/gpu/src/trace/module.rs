@@ -82,8 +82,12 @@ impl TracedScene {
     /// kernel includes the module of one scene, or those of several with different prefixes.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name.
+    /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with round
+    /// segments.
     pub fn module<'a>(&self, options: impl Into<ModuleOptions<'a>>) -> Result<String, GpuError> {
+        if self.has_segments() {
+            return Err(GpuError::Unsupported { what: "curves in a kernel of a program's own".to_owned() });
+        }
         Ok(traversal_module(&self.traversal(), &self.tables().lengths(), options)?)
     }
 

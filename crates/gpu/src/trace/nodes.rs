@@ -253,6 +253,11 @@ impl Nodes {
         }
     }
 
+    /// Whether some BVHs are over round segments.
+    pub(super) fn has_segments(&self) -> bool {
+        matches!(self, Self::Wide(WideNodes { has_segments: true, .. }))
+    }
+
     pub(super) fn n_bytes(&self) -> u64 {
         match self {
             Self::Wide(wide) => wide.n_bytes(),
@@ -360,15 +365,18 @@ pub(super) struct WideNodes {
     pub(super) triangles: Buffer<Quad>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
+    /// Whether some BVHs are over round segments.
+    pub(super) has_segments: bool,
     /// What it takes to write them again, where the device does.
     collapse: Option<Collapse>,
 }
 
 impl WideNodes {
-    /// Uploads BVHs that the CPU built; also returns their headers.
+    /// Uploads BVHs that the CPU built, some of which may be over round segments; also returns their headers.
     pub(super) fn uploaded(
         gpu: &Gpu,
         bvhs: &[(UploadedBvh<'_>, HitError)],
+        has_segments: bool,
     ) -> Result<(Self, Vec<BvhHeader>), GpuError> {
         let nodes: Vec<&[Quad]> = bvhs.iter().map(|(bvh, _)| quads(&bvh.words.nodes)).collect();
         let triangles: Vec<&[Quad]> = bvhs.iter().map(|(bvh, _)| bvh.triangles.as_flattened()).collect();
@@ -383,6 +391,7 @@ impl WideNodes {
             nodes: joined(gpu, "nodes", &nodes)?,
             triangles: joined(gpu, "triangles of leaves", &triangles)?,
             is_aligned: bvhs.iter().all(|(bvh, _)| is_aligned(quads(&bvh.words.nodes), bvh.words.root)),
+            has_segments,
             collapse: None,
         };
         Ok((wide, headers))
@@ -391,7 +400,7 @@ impl WideNodes {
     /// Those that the device built, and can write again.
     fn built(bvhs: WideBvhs) -> Self {
         let WideBvhs { nodes, triangles, is_oriented, collapse, .. } = bvhs;
-        Self { nodes, triangles, is_aligned: !is_oriented, collapse: Some(collapse) }
+        Self { nodes, triangles, is_aligned: !is_oriented, has_segments: false, collapse: Some(collapse) }
     }
 
     /// Writes those of a range of trees of a level again.
@@ -417,7 +426,8 @@ impl WideNodes {
 
     fn specialize(&self, chosen: Variant) -> Variant {
         let kinds = if self.is_aligned { "shared/bvh/node_kinds/aligned" } else { "shared/bvh/node_kinds/any" };
-        chosen.part("node_kinds", kinds).part("traverse", "shared/traverse/wide")
+        let traverse = if self.has_segments { "shared/traverse/curves" } else { "shared/traverse/wide" };
+        chosen.part("node_kinds", kinds).part("traverse", traverse)
     }
 
     fn n_bytes(&self) -> u64 {

@@ -20,7 +20,7 @@ use crate::{Buffer, Commands, Gpu, GpuError, Kernel};
 pub enum Outcome<T> {
     /// The ray was traced.
     Complete(T),
-    /// Traversal stopped at the iteration limit; trace the ray on the CPU.
+    /// Traversal stopped at the iteration limit, or met a round segment that single precision does not decide; trace the ray on the CPU.
     Incomplete,
 }
 
@@ -51,7 +51,8 @@ impl TracedScene {
     ) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
         let kernels = self.kernels(gpu, &CLOSEST)?;
         let mut answers = Vec::with_capacity(rays.len());
-        self.in_slices(gpu, &kernels, "hits", rays, |slice, hits: Vec<DeviceHit>| {
+        let incomplete = DeviceHit { t: 0.0, u: 0.0, v: 0.0, primitive: 0, instance: INCOMPLETE };
+        self.in_slices(gpu, &kernels, ("hits", incomplete), rays, |slice, hits: Vec<DeviceHit>| {
             answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
                 (INCOMPLETE, _) => Outcome::Incomplete,
                 (DeviceHit::NONE, _) | (_, None) => Outcome::Complete(None),
@@ -77,7 +78,7 @@ impl TracedScene {
     pub async fn occluded_async(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
         let kernels = self.kernels(gpu, &OCCLUDED)?;
         let mut answers = Vec::with_capacity(rays.len());
-        self.in_slices(gpu, &kernels, "found", rays, |_, found: Vec<u32>| {
+        self.in_slices(gpu, &kernels, ("found", INCOMPLETE), rays, |_, found: Vec<u32>| {
             answers.extend(
                 found.iter().map(
                     |&found| if found == INCOMPLETE { Outcome::Incomplete } else { Outcome::Complete(found == 1) },
@@ -92,6 +93,9 @@ impl TracedScene {
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let all = self.specialize(chosen.clone());
         Ok(match self.certain_kernels(gpu, names, &chosen)? {
+            // No kernel repeats the arithmetic of the CPU for segments.
+            None if self.has_segments() => Kernels::Host,
+            Some(certain) if self.has_segments() => Kernels::CertainFirst { certain, listed: None },
             None => Kernels::Exact(gpu.kernel(names.exact, &all)?),
             Some(certain) => Kernels::CertainFirst { certain, listed: Some(gpu.kernel(names.listed, &all)?) },
         })
@@ -120,7 +124,7 @@ impl TracedScene {
         &self,
         gpu: &Gpu,
         kernels: &Kernels,
-        into: &str,
+        (into, incomplete): (&str, T),
         rays: &[Ray],
         mut take: impl FnMut(&[Option<ScaledRay>], Vec<T>),
     ) -> Result<(), GpuError> {
@@ -137,7 +141,7 @@ impl TracedScene {
             let device_rays: Vec<DeviceRay> =
                 scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
             let start = Instant::now();
-            let answers = self.slice(gpu, kernels, into, &device_rays).await?;
+            let answers = self.slice(gpu, kernels, (into, incomplete), &device_rays).await?;
             take(&scaled, answers);
             n = next_size(n, start.elapsed()).min(most);
             waiting = rest;
@@ -145,24 +149,35 @@ impl TracedScene {
         Ok(())
     }
 
+    /// The answers to a slice of rays; `incomplete` for those that are left to the CPU.
     async fn slice<T: Pod>(
         &self,
         gpu: &Gpu,
         kernels: &Kernels,
-        into: &str,
+        (into, incomplete): (&str, T),
         rays: &[DeviceRay],
     ) -> Result<Vec<T>, GpuError> {
+        if let Kernels::Host = kernels {
+            self.n_exact_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+            return Ok(vec![incomplete; rays.len()]);
+        }
         let rays_there = gpu.buffer("rays", rays)?;
         let answers = gpu.zeroed::<T>("answers", rays.len())?;
         let mut commands = gpu.commands();
         let undecided = self.record(gpu, &mut commands, kernels, &rays_there, (into, &answers))?;
         commands.run_async().await?;
-        let n_exact = match undecided {
+        let n_exact = match &undecided {
             None => u32::try_from(rays.len()).unwrap_or(u32::MAX),
             Some(undecided) => undecided.count_async(gpu).await?,
         };
         self.n_exact_rays.fetch_add(n_exact.into(), Ordering::Relaxed);
-        gpu.read_async(&answers).await
+        let mut found = gpu.read_async(&answers).await?;
+        if let (Some(undecided), Kernels::CertainFirst { listed: None, .. }) = (undecided, kernels) {
+            for ray in undecided.listed_async(gpu, n_exact).await? {
+                found[ray as usize] = incomplete;
+            }
+        }
+        Ok(found)
     }
 
     /// Adds the dispatches of a query. Returns the list of rays that exact kernels trace; `None` where they trace all.
@@ -182,6 +197,7 @@ impl TracedScene {
         let mut bound = self.bindings();
         bound.extend([("rays", rays as &dyn AsBinding), (into, answers)]);
         let (certain, listed) = match kernels {
+            Kernels::Host => return Err(GpuError::Input { message: "the CPU traces all rays".to_owned() }),
             Kernels::Exact(kernel) => {
                 commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
                 return Ok(None);
@@ -287,7 +303,10 @@ const OCCLUDED: Names =
 enum Kernels {
     /// Exact arithmetic for all rays.
     Exact(Arc<Kernel>),
-    /// What the bounds of f32 decide, by one kernel after another, then exact arithmetic for the listed rest, unless a test wants to see that.
+    /// None: the CPU traces all rays.
+    Host,
+    /// What the bounds of f32 decide, by one kernel after another, then exact arithmetic for the listed rest, unless the CPU traces that or a test wants to
+    /// see it.
     CertainFirst { certain: Vec<Arc<Kernel>>, listed: Option<Arc<Kernel>> },
 }
 

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
 use canted_tlas::Instance;
-use canted_wide::{RawBvh, TriangleBvh};
+use canted_trace::RoundSegment;
+use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
@@ -62,10 +63,63 @@ pub struct SceneInput<'a> {
     levels: Levels<'a>,
 }
 
+/// A BVH that the CPU built, to upload it; references convert into it.
+#[derive(Clone, Copy)]
+pub enum HostBvh<'a> {
+    /// Over triangles.
+    Triangles(&'a TriangleBvh),
+    /// Over round segments.
+    Segments(&'a WideBvh<RoundSegment>),
+}
+
+impl<'a> From<&'a TriangleBvh> for HostBvh<'a> {
+    fn from(bvh: &'a TriangleBvh) -> Self {
+        Self::Triangles(bvh)
+    }
+}
+
+impl<'a> From<&'a WideBvh<RoundSegment>> for HostBvh<'a> {
+    fn from(bvh: &'a WideBvh<RoundSegment>) -> Self {
+        Self::Segments(bvh)
+    }
+}
+
+impl<'a> HostBvh<'a> {
+    fn raw(self) -> RawBvh<'a> {
+        match self {
+            Self::Triangles(bvh) => bvh.raw(),
+            Self::Segments(bvh) => bvh.raw(),
+        }
+    }
+
+    fn bounds(self, words: &RawBvh<'_>) -> MeshBounds {
+        let (aabb, is_of_segments) = match self {
+            Self::Triangles(bvh) => (bvh.aabb(), false),
+            Self::Segments(bvh) => (bvh.aabb(), true),
+        };
+        MeshBounds { reach: words.reach, aabb, is_of_segments }
+    }
+
+    /// The BVH as it is uploaded.
+    fn uploaded<'w>(self, words: &RawBvh<'w>) -> Result<UploadedBvh<'w>, GpuError> {
+        let (bvh, what) = match self {
+            Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words)), "triangles"),
+            Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
+        };
+        let n = bvh.triangles.len();
+        if n > MOST_TRIANGLES {
+            return Err(GpuError::Unsupported {
+                what: format!("a wide BVH with {n} {what} in its leaves, more than 2^26"),
+            });
+        }
+        Ok(bvh)
+    }
+}
+
 /// Where BVHs come from.
 enum Bvhs<'a> {
-    /// From the CPU, with their bounds.
-    Uploaded(Vec<(RawBvh<'a>, Aabb)>),
+    /// From the CPU.
+    Uploaded(Vec<HostBvh<'a>>),
     /// From the device, over the triangles of each mesh.
     Built(Vec<&'a [Corners]>, DeviceBvh),
 }
@@ -79,10 +133,14 @@ enum Levels<'a> {
 }
 
 impl<'a> SceneInput<'a> {
-    /// BVHs that the CPU built, which are uploaded.
+    /// BVHs that the CPU built, which are uploaded: over triangles, or over round segments.
+    ///
+    /// In a scene with segments the `u` of a hit is the position along the segment and its `v` is 0. Batches of rays leave to the CPU what single precision
+    /// does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)); kernels that use `shared/traverse` take the answer of single precision, whose hits are within
+    /// [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a segment that a ray enters less deep than that.
     #[must_use]
-    pub fn upload(bvhs: impl IntoIterator<Item = &'a TriangleBvh>) -> Self {
-        let bvhs = bvhs.into_iter().map(|bvh| (bvh.raw(), bvh.aabb())).collect();
+    pub fn upload<B: Into<HostBvh<'a>>>(bvhs: impl IntoIterator<Item = B>) -> Self {
+        let bvhs = bvhs.into_iter().map(Into::into).collect();
         Self { bvhs: Bvhs::Uploaded(bvhs), levels: Levels::One(&[]) }
     }
 
@@ -148,30 +206,33 @@ impl TracedScene {
     }
 
     /// Uploads BVHs; builds and uploads one over the instances.
-    async fn uploaded(gpu: &Gpu, meshes: &[(RawBvh<'_>, Aabb)], levels: Levels<'_>) -> Result<Self, GpuError> {
-        let bounds = meshes.iter().map(|&(RawBvh { reach, .. }, aabb)| MeshBounds { reach, aabb });
-        let deepest = meshes.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
+    async fn uploaded(gpu: &Gpu, meshes: &[HostBvh<'_>], levels: Levels<'_>) -> Result<Self, GpuError> {
+        let raw: Vec<RawBvh<'_>> = meshes.iter().map(|mesh| mesh.raw()).collect();
+        let bounds: Vec<MeshBounds> = meshes.iter().zip(&raw).map(|(mesh, words)| mesh.bounds(words)).collect();
+        let has_segments = bounds.iter().any(|mesh| mesh.is_of_segments);
+        let deepest = raw.iter().map(|words| words.depth).max().unwrap_or(0);
         let instances = match levels {
             Levels::One(first_triangles) => {
-                check_coordinates(|| "the scene".to_owned(), meshes[0].0.reach.into())?;
+                check_coordinates(|| "the scene".to_owned(), raw[0].reach.into())?;
                 check_depth(deepest)?;
-                let bvh = over_triangles(&meshes[0].0)?;
-                let (nodes, headers) = WideNodes::uploaded(gpu, &[(bvh, HitError::of_triangles(meshes[0].0.reach))])?;
+                let bvh = meshes[0].uploaded(&raw[0])?;
+                let all = [(bvh, HitError::of_triangles(raw[0].reach))];
+                let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
                 let level = Level::flat(first_triangles);
                 return Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await;
             }
             Levels::Two(instances) => instances,
         };
-        let outer = TopLevel::new(&bounds.collect::<Vec<_>>(), instances)?;
+        let outer = TopLevel::new(&bounds, instances)?;
         let words = by_octants(&outer.bvh.raw());
         let depth = words.depth + deepest;
         check_depth(depth)?;
         let order = outer.order(&words);
         let mut all = vec![(UploadedBvh::over_instances(words), outer.packing.error)];
-        for (words, _) in meshes {
-            all.push((over_triangles(words)?, HitError::of_triangles(words.reach)));
+        for (mesh, words) in meshes.iter().zip(&raw) {
+            all.push((mesh.uploaded(words)?, HitError::of_triangles(words.reach)));
         }
-        let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
+        let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
         Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await
     }
 
@@ -181,7 +242,11 @@ impl TracedScene {
         let mut build = BuildEncoder::new(gpu);
         let primitives = Primitives::triangles(gpu, meshes.iter().copied())?;
         let bottom = bvh.build(&mut build, primitives).await?;
-        let of_root = |aabb: Aabb| MeshBounds { reach: if aabb.is_empty() { 0.0 } else { aabb.reach() }, aabb };
+        let of_root = |aabb: Aabb| MeshBounds {
+            reach: if aabb.is_empty() { 0.0 } else { aabb.reach() },
+            aabb,
+            is_of_segments: false,
+        };
         let bounds: Vec<_> = bottom.root_aabbs(gpu).await?.into_iter().map(of_root).collect();
         let (level, top) = match levels {
             Levels::One(first_triangles) => {
@@ -260,7 +325,14 @@ impl TracedScene {
         }
     }
 
-    /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`.
+    /// Whether the scene has round segments.
+    #[must_use]
+    pub fn has_segments(&self) -> bool {
+        self.nodes.has_segments()
+    }
+
+    /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene [has
+    /// segments](Self::has_segments) `exits`.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.part("level", self.tables.part()).number("MAX_ITERATIONS", self.max_iterations);
@@ -272,7 +344,11 @@ impl TracedScene {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
-        Ok(Some(self.specialize(chosen).of_kernel(kernel)?))
+        let (decide, weights) = match self.has_segments() {
+            false => ("shared/certain/decide/triangles", "shared/triangle/weights/triangles"),
+            true => ("shared/certain/decide/curves", "shared/segment/weights/curves"),
+        };
+        Ok(Some(self.specialize(chosen).part("decide", decide).part("weights", weights).of_kernel(kernel)?))
     }
 
     /// Storage buffers of the kernels of a query: those of the scene, rays, answers, and the list of undecided rays.
@@ -282,7 +358,8 @@ impl TracedScene {
     }
 
     /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave
-    /// undecided, or all of them where the BVHs are binary, or where the device binds too few buffers for instances that move.
+    /// undecided, or all of them where the BVHs are binary, or where the device binds too few buffers for instances that move. In a scene with round
+    /// segments the CPU is to trace these.
     #[must_use]
     pub fn n_exact_rays(&self) -> u64 {
         self.n_exact_rays.load(Ordering::Relaxed)
@@ -313,18 +390,6 @@ impl TracedScene {
 /// the leaf in which an invocation reaches the limit.
 fn iteration_limit(counted: u32) -> u32 {
     if counted < LONG_LOOP { counted / LANES / 16 * 15 } else { MAX_ITERATIONS }
-}
-
-/// A BVH over triangles as it is uploaded.
-fn over_triangles<'a>(words: &RawBvh<'a>) -> Result<UploadedBvh<'a>, GpuError> {
-    let bvh = UploadedBvh::over_triangles(by_octants(words));
-    let n = bvh.triangles.len();
-    if n > MOST_TRIANGLES {
-        return Err(GpuError::Unsupported {
-            what: format!("a wide BVH with {n} triangles in its leaves, more than 2^26"),
-        });
-    }
-    Ok(bvh)
 }
 
 /// Rejects BVHs that are too deep for a stack.

@@ -1,6 +1,7 @@
 //! The list of rays that kernels of `shared/certain` leave to exact ones.
 
 use crate::commands::AsBinding;
+use crate::wait::block_on;
 use crate::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
 /// Words before the list: the work-groups of an indirect dispatch, and the number of the listed ones.
@@ -53,6 +54,11 @@ impl Undecided {
     /// # Errors
     /// As for [`Self::count`].
     pub fn listed(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
-        Ok(gpu.read_first(&self.words, HEAD + n as usize)?.split_off(HEAD))
+        block_on(self.listed_async(gpu, n))
+    }
+
+    /// [`Self::listed`] for browsers.
+    pub(super) async fn listed_async(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
+        Ok(gpu.read_first_async(&self.words, HEAD + n as usize).await?.split_off(HEAD))
     }
 }

@@ -41,12 +41,7 @@ impl Hair {
             std::array::from_fn(|k| eumelanin * dark[k] + pheomelanin * red[k])
         };
         let b = source.roughness_around;
-        let of_color = |c: f32| {
-            // The fit of Chiang et al., equation 9.
-            let scale =
-                5.969 - 0.215 * b + 2.532 * b.powi(2) - 10.73 * b.powi(3) + 5.574 * b.powi(4) + 0.245 * b.powi(5);
-            (c.clamp(1e-4, 1.0).ln() / scale).powi(2)
-        };
+        let of_color = |c: f32| (c.clamp(1e-4, 1.0).ln() / Self::color_scale(b)).powi(2);
         let absorption = if source.melanin > 0.0 || source.pheomelanin > 0.0 {
             of_melanin(source.melanin, source.pheomelanin)
         } else {
@@ -60,6 +55,11 @@ impl Hair {
             ior,
             direction: [1.0, 0.0],
         }
+    }
+
+    /// The divisor of the logarithm of the color whose square is the absorption, for a roughness around the hair: the fit of Chiang et al., equation 9.
+    pub(crate) fn color_scale(b: f32) -> f32 {
+        5.969 - 0.215 * b + 2.532 * b.powi(2) - 10.73 * b.powi(3) + 5.574 * b.powi(4) + 0.245 * b.powi(5)
     }
 
     /// Evaluates the BSDF times the cosine of `incident`. The frame is that of [`Bsdf`](super::Bsdf), `x` along the hair.

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
-use canted_scene::{Instance, Mesh, Scene};
+use canted_scene::{CurveSegments, Curves, Instance, Mesh, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -41,7 +41,7 @@ pub(super) struct PackedPlacement {
     pub(super) cofactor_x: [f32; 3],
     pub(super) motion: u32,
     pub(super) cofactor_y: [f32; 3],
-    padding_y: u32,
+    pub(super) is_curve: u32,
     pub(super) cofactor_z: [f32; 3],
     padding_z: u32,
 }
@@ -92,7 +92,9 @@ impl Geometry {
         let mut n_motions = 0;
         let placement = |(instance, motion): (&Instance, &Option<MotionPolynomials>)| {
             let (first_triangle, reach) = of_meshes[instance.mesh.0 as usize];
-            let still = packed_placement(&instance.world_from_object, first_triangle, reach);
+            let is_curve = scene.meshes[instance.mesh.0 as usize].curves.is_some().into();
+            let still =
+                PackedPlacement { is_curve, ..packed_placement(&instance.world_from_object, first_triangle, reach) };
             let Some(motion) = motion else { return still };
             // In the order of the top-level BVH.
             n_motions += 1;
@@ -124,14 +126,41 @@ impl Geometry {
         put(words, stride, 0, &positions);
         let pose = Pose::fixed(map);
         put_attributes(words, mesh, columns, &pose);
+        let segments = mesh.curves.as_ref().map(|curves| packed_segments(mesh, curves, base));
+        let n = segments.as_ref().map_or(mesh.triangles.len(), Vec::len);
         for (index, part) in mesh.parts.iter().enumerate() {
-            let end = mesh.parts.get(index + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
+            let end = mesh.parts.get(index + 1).map_or(n, |next| next.first_triangle as usize);
             let material = materials.number(part.material, mesh) | if is_mirrored { MIRRORED } else { 0 };
+            if let Some(segments) = &segments {
+                let own = segments[part.first_triangle as usize..end].iter();
+                self.triangles.extend(own.map(|&segment| PackedTriangle { material, ..segment }));
+                continue;
+            }
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
             self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &pose, material)));
         }
-        Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+        match &mesh.curves {
+            None => Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach(),
+            Some(Curves { radii, .. }) => {
+                let reach =
+                    |(p, radius): (&[f32; 3], &f32)| p.iter().fold(0.0, |all: f32, x| all.max(x.abs())) + radius;
+                positions.iter().zip(radii).map(reach).fold(0.0, f32::max)
+            }
+        }
     }
+}
+
+/// The segments of curves whose points start at vertex `base`, without materials, in the form of `shared/surface/shapes/curves`: radii and the part of the
+/// strand in place of normal and area. There are none for curves that devices do not trace.
+fn packed_segments(mesh: &Mesh, Curves { radii, segments, .. }: &Curves, base: u32) -> Vec<PackedTriangle> {
+    let CurveSegments::Linear(list) = segments else { return vec![] };
+    let segment = |(&[a, b], [from, to]): (&[u32; 2], [f32; 2])| PackedTriangle {
+        vertices: [base + a, base + b, base + a],
+        material: 0,
+        normal: [radii[a as usize], radii[b as usize], from],
+        area_root: to,
+    };
+    list.iter().zip(mesh.strand_coordinates()).map(segment).collect()
 }
 
 /// A triangle of a mesh whose vertices start at `base`, placed in this pose.
@@ -188,7 +217,12 @@ fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, pose: &Pose
     }
     if columns.color > 0 {
         let white = || vec![[1.0; 4]; mesh.positions.len()];
-        put(words, stride, columns.color, &mesh.colors.clone().unwrap_or_else(white));
+        let mut colors = mesh.colors.clone().unwrap_or_else(white);
+        if mesh.curves.is_some() {
+            // The alpha of points of curves has no meaning.
+            colors.iter_mut().for_each(|color| color[3] = 1.0);
+        }
+        put(words, stride, columns.color, &colors);
     }
     for (column, uvs) in [(columns.uv, &mesh.uvs), (columns.second_uv, &mesh.second_uvs)] {
         if let Some(uvs) = uvs.as_ref().filter(|_| column > 0) {
@@ -233,7 +267,7 @@ fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlac
         cofactor_x,
         motion: u32::MAX,
         cofactor_y,
-        padding_y: 0,
+        is_curve: 0,
         cofactor_z,
         padding_z: 0,
     }

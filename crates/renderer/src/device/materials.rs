@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{Buffer, Gpu, GpuError, Variant};
 use canted_scene::{
-    AlphaMode, Encoding, Magnification, Material, MaterialId, Mesh, Scene, Texture, TextureId, TextureRef, UvSet, Wrap,
+    AlphaMode, Encoding, Hair as HairSource, Magnification, Material, MaterialId, Mesh, Scene, Texture, TextureId,
+    TextureRef, UvSet, Wrap,
 };
 
 use crate::surface::hit_filter::is_single_sided;
 use crate::texture::{MipMap, Textures};
-use crate::{Cull, Integrator, Lod};
+use crate::{Cull, Hair, Integrator, Lod};
 
 /// Offsets of the attributes of a vertex, in words; 0 for an attribute that no vertex has. Positions come first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -70,7 +71,32 @@ pub(super) struct PackedMaterial {
     pub(super) emission_slot: u32,
     pub(super) alpha_slot: u32,
     pub(super) single_sided: u32,
-    padding: [u32; 2],
+    pub(super) hair: u32,
+    padding: u32,
+}
+
+/// No hair.
+const NO_HAIR: u32 = u32::MAX;
+
+/// `HairMaterial` of `shared/surface/material/hair`, where the members are documented.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct PackedHair {
+    pub(super) absorption: [f32; 3],
+    pub(super) roughness: f32,
+    pub(super) roughness_around: f32,
+    pub(super) tilt_rad: f32,
+    pub(super) ior: f32,
+    pub(super) of_color: f32,
+}
+
+impl PackedHair {
+    fn new(source: &HairSource, ior: f32) -> Self {
+        let Hair { absorption, roughness, roughness_around, tilt_rad, .. } = Hair::new(source, [1.0; 3], ior);
+        let of_color =
+            if source.melanin > 0.0 || source.pheomelanin > 0.0 { 0.0 } else { Hair::color_scale(roughness_around) };
+        Self { absorption, roughness, roughness_around, tilt_rad, ior, of_color }
+    }
 }
 
 /// `Slot` of `shared/texture/lookup`: a texture as a material refers to it.
@@ -90,8 +116,11 @@ pub(super) struct Materials<'a> {
     cull: Cull,
     columns: &'a Columns,
     heads: &'a ImageHeads,
-    numbers: BTreeMap<(u32, [bool; 2]), u32>,
+    /// Of a material, of the texture coordinates, and of whether it is on curves.
+    numbers: BTreeMap<(u32, [bool; 2], bool), u32>,
     pub(super) packed: Vec<PackedMaterial>,
+    /// What is hair.
+    pub(super) hairs: Vec<PackedHair>,
     /// The scene's material of each packed one.
     pub(super) ids: Vec<MaterialId>,
     pub(super) slots: Vec<Slot>,
@@ -106,20 +135,43 @@ impl<'a> Materials<'a> {
         heads: &'a ImageHeads,
     ) -> Self {
         let numbers = BTreeMap::new();
-        Self { scene, integrator, cull, columns, heads, numbers, packed: vec![], ids: vec![], slots: vec![] }
+        Self {
+            scene,
+            integrator,
+            cull,
+            columns,
+            heads,
+            numbers,
+            packed: vec![],
+            hairs: vec![],
+            ids: vec![],
+            slots: vec![],
+        }
     }
 
-    /// Number of the packed material for triangles of `mesh`.
+    /// Number of the packed material for triangles or curves of `mesh`.
     pub(super) fn number(&mut self, id: MaterialId, mesh: &Mesh) -> u32 {
-        let has = [UvSet::First, UvSet::Second].map(|set| mesh.uv_set(set).is_some());
-        if let Some(&number) = self.numbers.get(&(id.0, has)) {
+        let is_curve = mesh.curves.is_some();
+        // Every curve has coordinates along its strand and across.
+        let has = [UvSet::First, UvSet::Second].map(|set| is_curve || mesh.uv_set(set).is_some());
+        let key = (id.0, has, is_curve);
+        if let Some(&number) = self.numbers.get(&key) {
             return number;
         }
         let number = self.packed.len() as u32;
-        let packed = self.pack(&self.scene.materials[id.0 as usize], has);
+        let material = &self.scene.materials[id.0 as usize];
+        let mut packed = self.pack(material, has);
+        if is_curve {
+            // Curves have no faces.
+            packed.single_sided = 0;
+            if let Some(hair) = &material.hair {
+                packed.hair = self.hairs.len() as u32;
+                self.hairs.push(PackedHair::new(hair, material.ior));
+            }
+        }
         self.packed.push(packed);
         self.ids.push(id);
-        self.numbers.insert((id.0, has), number);
+        self.numbers.insert(key, number);
         number
     }
 
@@ -150,7 +202,8 @@ impl<'a> Materials<'a> {
             emission_slot,
             alpha_slot,
             single_sided: (self.cull != Cull::Off && is_single_sided(material, self.cull == Cull::Back)).into(),
-            padding: [0; 2],
+            hair: NO_HAIR,
+            padding: 0,
         }
     }
 

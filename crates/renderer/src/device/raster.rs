@@ -55,6 +55,9 @@ impl DevicePicture<'_> {
         if !view.is_perspective || view.lens.is_some() {
             return Err(DeviceError::Raster { what: "a lens or an orthographic camera" });
         }
+        if self.packed.has_curves() {
+            return Err(DeviceError::Raster { what: "curves" });
+        }
         let chosen = picture::specialize(Variant::none(), view, self.settings);
         let raster = self.gpu.raster("render/gbuffer", &self.packed.specialize(chosen))?;
         let size = [self.settings.width, self.settings.height];
@@ -139,6 +142,7 @@ impl DevicePicture<'_> {
         self.settings.integrator == Integrator::Hybrid
             && view.is_perspective
             && view.lens.is_none()
+            && !self.packed.has_curves()
             && self.gpu.info().kind != AdapterKind::Software
     }
 

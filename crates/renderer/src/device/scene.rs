@@ -6,7 +6,9 @@ use canted_trace::InstanceId;
 
 use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
 use super::lights::SampledLights;
-use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, Slot, Texels, used_textures};
+use super::materials::{
+    Columns, ImageHeads, Images, Materials, PackedHair, PackedMaterial, Slot, Texels, used_textures,
+};
 use crate::light::{ListLight, is_shape};
 use crate::surface::hit_filter;
 use crate::texture::Textures;
@@ -23,6 +25,8 @@ pub(super) struct PackedScene {
     lights: Option<Buffer<ListLight>>,
     /// What rough glass scatters.
     glass: Option<Buffer<[f32; 2]>>,
+    /// Hair on curves.
+    hairs: Option<Buffer<PackedHair>>,
     columns: Columns,
     has: Has,
     lod: Lod,
@@ -50,6 +54,9 @@ struct Has {
     glass: bool,
     /// Rough glass that refracts, and gets back what its facets lose.
     compensated_glass: bool,
+    /// Whether some meshes have curves, and some curves are hair.
+    curves: bool,
+    hair: bool,
 }
 
 impl PackedScene {
@@ -85,6 +92,7 @@ impl PackedScene {
         let refracts = |material: &Material| material.transmission > 0.0 && !material.thin_walled;
         let compensated_glass =
             integrator == Integrator::Path && energy_compensation && scene.materials.iter().any(refracts);
+        let has_hair = !materials.hairs.is_empty();
         let has = Has {
             instances: placements.is_some(),
             motion: scene.has_motion(),
@@ -93,9 +101,12 @@ impl PackedScene {
             masks: hit_filter::uses_alpha(scene),
             single_sided: hit_filter::culls(scene, cull),
             mask_textures,
-            gloss: scene.materials.iter().any(is_glossy),
-            glass: scene.materials.iter().any(|material| material.transmission > 0.0),
+            // The kernels of hair are those of all materials.
+            gloss: has_hair || scene.materials.iter().any(is_glossy),
+            glass: has_hair || scene.materials.iter().any(|material| material.transmission > 0.0),
             compensated_glass,
+            curves: scene.has_curves(),
+            hair: has_hair,
             shape_lights: scene.lights.iter().any(is_shape),
         };
         let images = match &images {
@@ -107,6 +118,7 @@ impl PackedScene {
         };
         let lights: Vec<ListLight> = scene.lights.iter().map(ListLight::from).collect();
         let lights = if lights.is_empty() { None } else { Some(gpu.read_only("lights", &lights)?) };
+        let hairs = has_hair.then(|| gpu.read_only("hairs", &materials.hairs)).transpose()?;
         let glass = compensated_glass.then(|| gpu.read_only("albedos of glass", bsdf::glass::table())).transpose()?;
         Ok(Self {
             materials: gpu.read_only("materials", &materials.packed)?,
@@ -117,6 +129,7 @@ impl PackedScene {
             images,
             lights,
             glass,
+            hairs,
             columns,
             has,
             lod,
@@ -134,6 +147,7 @@ impl PackedScene {
         bound.extend(self.placements.as_ref().map(|placements| -> NamedBinding<'_> { ("placements", placements) }));
         bound.extend(self.lights.as_ref().map(|lights| -> NamedBinding<'_> { ("lights", lights) }));
         bound.extend(self.glass.as_ref().map(|glass| -> NamedBinding<'_> { ("glass_albedos", glass) }));
+        bound.extend(self.hairs.as_ref().map(|hairs| -> NamedBinding<'_> { ("hairs", hairs) }));
         if let Some((slots, images, texels)) = &self.images {
             bound.push(("slots", slots));
             bound.push(("images", images));
@@ -149,7 +163,7 @@ impl PackedScene {
 
     /// Selects the parts of a kernel that read the scene.
     pub(super) fn specialize(&self, chosen: Variant) -> Variant {
-        let Has { instances, motion, normals, normal_maps, masks, single_sided, .. } = self.has;
+        let Has { instances, motion, normals, normal_maps, masks, single_sided, curves, hair, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
             (true, _) => pick(motion, "shared/surface/placed/moving", "shared/surface/placed/instances"),
@@ -167,17 +181,25 @@ impl PackedScene {
             (false, true) => "shared/mask/faces",
             (true, true) => "shared/mask/both",
         };
+        let shapes = pick(curves, "shared/surface/shapes/curves", "shared/surface/shapes/triangles");
         let chosen = chosen
+            .part("shapes", shapes)
             .part("placed", placed)
             .part("normal", bent)
             .part("mask", mask)
             .number("STRIDE", self.columns.stride)
             .number("COLOR", self.columns.color);
+        let exits = pick(hair, "shared/surface/exits/hair", "shared/segment/exits/kept");
+        let chosen = if curves { chosen.part("exits", exits) } else { chosen };
         let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
         let chosen = if normal_maps { chosen.number("TANGENT", self.columns.tangent) } else { chosen };
         let chosen = if masks { self.with_alpha(chosen) } else { chosen };
         match &self.images {
-            Some((.., texels)) => texels.specialize(chosen, self.lod),
+            Some((.., texels)) => {
+                let coordinates =
+                    pick(curves, "shared/texture/coordinates/curves", "shared/texture/coordinates/triangles");
+                texels.specialize(chosen.part("coordinates", coordinates), self.lod)
+            }
             None => chosen.part("texture", "shared/texture/none"),
         }
     }
@@ -204,7 +226,8 @@ impl PackedScene {
             (true, false) => "shared/bsdf/energy/compensated",
             (true, true) => "shared/bsdf/energy/refracting",
         };
-        self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through).part("energy", energy)
+        let bsdf = if self.has.hair { "shared/bsdf/hair" } else { "shared/bsdf/full" };
+        self.with_material(chosen).part("bsdf", bsdf).part("transmission", through).part("energy", energy)
     }
 
     /// Selects the parts of the kernel that writes AOVs.
@@ -213,10 +236,12 @@ impl PackedScene {
     }
 
     fn with_material(&self, chosen: Variant) -> Variant {
-        chosen.part(
-            "material",
-            if self.has.gloss { "shared/surface/material/full" } else { "shared/surface/material/lambert" },
-        )
+        let part = match (self.has.hair, self.has.gloss) {
+            (true, _) => "shared/surface/material/hair",
+            (false, true) => "shared/surface/material/full",
+            (false, false) => "shared/surface/material/lambert",
+        };
+        chosen.part("material", part)
     }
 
     fn with_shape_lights(&self, chosen: Variant) -> Variant {
@@ -231,6 +256,11 @@ impl PackedScene {
             "alpha",
             if self.has.mask_textures { "shared/surface/alpha/texture" } else { "shared/surface/alpha/plain" },
         )
+    }
+
+    /// Whether some meshes have curves.
+    pub(super) fn has_curves(&self) -> bool {
+        self.has.curves
     }
 
     /// The scene's material of a packed one.

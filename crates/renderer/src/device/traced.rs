@@ -3,23 +3,26 @@
 use std::ops::Deref;
 
 use canted_gpu::build::BuildConfig;
-use canted_gpu::{DeviceBvh, Gpu, SceneInput, TracedScene};
+use canted_gpu::{DeviceBvh, Gpu, HostBvh, SceneInput, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
-use canted_wide::TriangleBvh;
 
 use super::{DeviceError, DeviceFrames};
 use crate::scene_bvh::{flatten_distinct, has_one_level, instances};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, coincident};
 
-const CURVES: DeviceError = DeviceError::Unsupported { what: "curves" };
+const BUILT_CURVES: DeviceError = DeviceError::Unsupported { what: "curves in BVHs that the GPU builds" };
+
+const CUBIC_CURVES: DeviceError = DeviceError::Unsupported { what: "cubic curves" };
+
+const RIBBONS: DeviceError = DeviceError::Unsupported { what: "ribbons" };
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
 /// What the device traces.
 enum Kind<'a> {
-    /// The CPU's BVH of each mesh.
-    Wide(Vec<&'a TriangleBvh>),
+    /// The CPU's BVH of each mesh, over triangles or round segments.
+    Wide(Vec<HostBvh<'a>>),
     /// Binary BVHs with these volumes, which the device builds.
     Binary(Strategy),
 }
@@ -72,7 +75,7 @@ pub fn traced_frame<'a>(
         (Kind::Binary(strategy), _) => Some(config(*strategy).into()),
         (Kind::Wide(_), wide) => wide.map(DeviceBvh::from),
     };
-    let Some(on_device) = on_device.filter(|_| !scene.has_motion()) else {
+    let Some(on_device) = on_device.filter(|_| !scene.has_motion() && !scene.has_curves()) else {
         frames.forget();
         return Ok(Traced::Own(uploaded(gpu, scene, bvh, kind)?));
     };
@@ -114,7 +117,7 @@ pub fn built_scene(
         return Err(DEFORMING);
     }
     if scene.has_curves() {
-        return Err(CURVES);
+        return Err(BUILT_CURVES);
     }
     built(gpu, scene, has_one_level(scene, config)?, bvh)
 }
@@ -135,15 +138,14 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
     let mut meshes = vec![];
     for bvh in bvhs {
         match bvh {
-            BottomLevel::Wide(wide) => meshes.push(wide),
+            BottomLevel::Wide(wide) => meshes.push(wide.into()),
+            BottomLevel::Segments(segments) => meshes.push(segments.into()),
             BottomLevel::Bvh2(_, strategy) => return Ok(Kind::Binary(*strategy)),
             BottomLevel::Moving(_) => return Err(DEFORMING),
             BottomLevel::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
-            BottomLevel::Segments(_)
-            | BottomLevel::Cubics(_)
-            | BottomLevel::Ribbons(_)
-            | BottomLevel::CubicRibbons(_) => return Err(CURVES),
+            BottomLevel::Cubics(_) => return Err(CUBIC_CURVES),
+            BottomLevel::Ribbons(_) | BottomLevel::CubicRibbons(_) => return Err(RIBBONS),
         }
     }
     Ok(Kind::Wide(meshes))

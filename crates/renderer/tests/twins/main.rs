@@ -1,6 +1,7 @@
 //! Compares shader functions with their CPU twins, over a buffer of inputs. Ignored without an adapter.
 
 mod bsdf;
+mod hair;
 mod incoming;
 mod light;
 
@@ -12,7 +13,7 @@ use canted_gpu::{Choice, Gpu, NamedBinding, Variant};
 use canted_renderer::{Bsdf, Cone, Pattern, Sampler, Surface};
 
 fn main() -> ExitCode {
-    device_tests::run(Gpu::open(&Choice::Best), [bsdf::tests(), incoming::tests(), light::tests()])
+    device_tests::run(Gpu::open(&Choice::Best), [bsdf::tests(), hair::tests(), incoming::tests(), light::tests()])
 }
 
 /// Half a ULP of 1: the maximum relative error of one rounding.

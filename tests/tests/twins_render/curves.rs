@@ -1,0 +1,189 @@
+//! Pictures of curves on a device, compared with those of the CPU, and what devices refuse.
+
+use canted_film::Aov;
+use canted_fixtures::SplitMix64;
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_renderer::{DevicePicture, FirstHit, Integrator, Levels, Lod, Settings, Surfaces};
+use canted_scene::{
+    AlphaMode, Camera, CurveSegments, CurveShape, Curves, Encoding, Magnification, Material, MaterialId, Mesh, Part,
+    Scene, Texture, TextureId, TextureRef, Wrap,
+};
+
+use crate::gpu;
+use crate::scenes::{self, compared, difference, instance, on_cpu, on_device, scene_bvh};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(curves_between_triangles),
+        needs_device(hair_on_curves),
+        needs_device(curves_that_move_and_curves_with_alpha),
+        needs_device(textures_on_curves),
+        needs_device(the_comparison_detects_thinner_curves),
+        needs_device(what_devices_do_not_draw_is_refused_by_name),
+    ]
+}
+
+/// Strands of segments from a ball outward, thinner towards their tips.
+fn strands(n: u32, radius: f32, material: u32) -> Mesh {
+    let mut rng = SplitMix64::new(7);
+    let (mut positions, mut radii, mut colors, mut list) = (vec![], vec![], vec![], vec![]);
+    for _ in 0..n {
+        let out = rng.on_sphere().map(|x| x as f32);
+        let bend = rng.on_sphere().map(|x| 0.1 * x as f32);
+        for k in 0_u8..=5 {
+            let along = 0.5 + 0.1 * f32::from(k);
+            let square = f32::from(k) * f32::from(k) / 10.0;
+            if k > 0 {
+                list.push([positions.len() as u32 - 1, positions.len() as u32]);
+            }
+            positions.push([0, 1, 2].map(|axis| along * out[axis] + square * bend[axis]));
+            radii.push(radius * (1.0 - 0.15 * f32::from(k)));
+            colors.push([0.2 + 0.1 * f32::from(k), 0.6, 0.9 - 0.1 * f32::from(k), 0.3]);
+        }
+    }
+    Mesh {
+        positions,
+        colors: Some(colors),
+        curves: Some(Curves { radii, segments: CurveSegments::Linear(list), shape: CurveShape::Tube }),
+        parts: vec![Part { first_triangle: 0, material: MaterialId(material) }],
+        ..Mesh::default()
+    }
+}
+
+/// The room of all lights, with strands in it: as they are, and sheared and mirrored.
+fn hairy_room(radius: f32, material: Material) -> (Scene, Camera) {
+    let (mut scene, camera) = scenes::room();
+    let mesh = scene.meshes.len() as u32;
+    scene.meshes.push(strands(60, radius, scene.materials.len() as u32));
+    scene.materials.push(material);
+    scene.instances.push(instance(mesh, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.2, 0.4, 0.8]]));
+    scene.instances.push(instance(mesh, [[-0.7, 0.1, 0.0], [0.2, 0.7, 0.1], [0.0, -0.1, 0.7], [1.2, 0.9, 0.2]]));
+    (scene, camera)
+}
+
+fn small(integrator: Integrator) -> Settings {
+    Settings { width: 64, height: 36, samples: 4, integrator, bounces: 4, ..Settings::default() }
+}
+
+fn wood() -> Material {
+    Material { base_color: [0.8, 0.7, 0.6], ..Material::default() }
+}
+
+fn curves_between_triangles() {
+    let gpu = gpu();
+    let (mut scene, camera) = hairy_room(0.05, wood());
+    for integrator in Integrator::ALL {
+        compared(&gpu, &scene, &camera, Levels::Auto, &small(integrator)).check("curves", [0.6, 0.01]);
+    }
+    // Glossy curves before a sky, and others that emit.
+    let last = scene.materials.len() - 1;
+    scene.materials[last].specular = 1.0;
+    scene.materials[last].roughness = 0.3;
+    scene.environment = Some(scenes::sky());
+    compared(&gpu, &scene, &camera, Levels::Auto, &small(Integrator::Path)).check("gloss", [0.6, 0.02]);
+    scene.materials[last].emission = [0.5, 0.4, 0.1];
+    compared(&gpu, &scene, &camera, Levels::Auto, &small(Integrator::Path)).check("emission", [0.6, 0.02]);
+    let with_aovs = Settings { aovs: [Aov::Normal, Aov::Depth].into_iter().collect(), ..small(Integrator::Hybrid) };
+    compared(&gpu, &scene, &camera, Levels::Auto, &with_aovs).check("AOVs", [0.6, 0.02]);
+}
+
+fn hair_on_curves() {
+    let gpu = gpu();
+    let mut brown = wood();
+    brown.hair_mut().melanin = 1.3;
+    let mut blond = wood();
+    blond.hair_mut();
+    for (name, material) in [("melanin", brown), ("color", blond)] {
+        let (mut scene, camera) = hairy_room(0.03, material.clone());
+        // Triangles of the same material are not hair.
+        scene.meshes[1].parts[0].material = MaterialId(scene.materials.len() as u32 - 1);
+        for integrator in Integrator::ALL {
+            compared(&gpu, &scene, &camera, Levels::Auto, &small(integrator)).check(name, [0.8, 0.02]);
+        }
+    }
+}
+
+fn curves_that_move_and_curves_with_alpha() {
+    let gpu = gpu();
+    let (mut scene, camera) = hairy_room(0.05, wood());
+    let last = scene.materials.len() - 1;
+    scene.materials[last].alpha_mode = AlphaMode::Blend;
+    scene.materials[last].alpha = 0.6;
+    compared(&gpu, &scene, &camera, Levels::Auto, &small(Integrator::Path)).check("alpha", [0.6, 0.02]);
+    let (scene, camera) = scenes::in_motion((scene, camera));
+    for integrator in Integrator::ALL {
+        compared(&gpu, &scene, &camera, Levels::Auto, &small(integrator)).check("motion", [0.7, 0.02]);
+    }
+}
+
+/// Stripes along strands and across, and holes, with each filter.
+fn textures_on_curves() {
+    let gpu = gpu();
+    let (mut scene, camera) = hairy_room(0.08, wood());
+    let texture = |texel: &dyn Fn(u8, u8) -> [u8; 4]| Texture {
+        name: "stripes".to_owned(),
+        width: 16,
+        height: 16,
+        texels: (0..=255_u8).map(|i| texel(i % 16 / 4, i / 16 / 4)).collect(),
+        encoding: Encoding::Srgb,
+        wrap: [Wrap::Repeat; 2],
+        magnification: Magnification::Linear,
+    };
+    scene.textures = vec![texture(&|x, y| [80 * x, 80 * y, 200, 255]), texture(&|x, _| [255, 255, 255, 255 * (x % 2)])];
+    let last = scene.materials.len() - 1;
+    scene.materials[last].base_color_texture = Some(TextureRef::new(TextureId(0)));
+    for (lod, integrator) in
+        [(Lod::None, Integrator::Hybrid), (Lod::Cone, Integrator::Path), (Lod::Aniso, Integrator::Path)]
+    {
+        let settings = Settings { lod, ..small(integrator) };
+        compared(&gpu, &scene, &camera, Levels::Auto, &settings).check(&format!("{lod:?}"), [0.7, 0.01]);
+    }
+    scene.materials[last].alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+    scene.materials[last].alpha_texture = Some(TextureRef::new(TextureId(1)));
+    compared(&gpu, &scene, &camera, Levels::Auto, &small(Integrator::Path)).check("holes", [0.7, 0.02]);
+    // The comparison detects another texture.
+    let theirs = on_cpu(&scene, &scene_bvh(&scene, Levels::Auto), &camera, &small(Integrator::Path));
+    scene.textures[0] = texture(&|x, y| [80 * y, 80 * x, 200, 255]);
+    let ours = on_device(&gpu, &scene, &scene_bvh(&scene, Levels::Auto), &camera, &small(Integrator::Path));
+    let found = difference(&ours, &theirs);
+    assert!(found.of_means > 0.01 || found.drift.iter().any(|&drift| drift > 6.0), "{found:?}");
+}
+
+fn the_comparison_detects_thinner_curves() {
+    let gpu = gpu();
+    let (scene, camera) = hairy_room(0.05, wood());
+    let (thinner, _) = hairy_room(0.045, wood());
+    let settings = small(Integrator::Path);
+    let ours = on_device(&gpu, &thinner, &scene_bvh(&thinner, Levels::Auto), &camera, &settings);
+    let theirs = on_cpu(&scene, &scene_bvh(&scene, Levels::Auto), &camera, &settings);
+    let found = difference(&ours, &theirs);
+    assert!(found.of_means > 0.01 || found.drift.iter().any(|&drift| drift > 6.0), "{found:?}");
+}
+
+fn what_devices_do_not_draw_is_refused_by_name() {
+    let gpu = gpu();
+    let settings = small(Integrator::Hybrid);
+    let refusal = |change: &dyn Fn(&mut Scene)| {
+        let (mut scene, camera) = hairy_room(0.05, wood());
+        change(&mut scene);
+        let bvh = scene_bvh(&scene, Levels::Auto);
+        let surfaces = Surfaces::with_lod(&scene, settings.lod);
+        match DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings) {
+            Ok(picture) => match picture.with_first_hit(FirstHit::Raster) {
+                Ok(_) => panic!("it is drawn"),
+                Err(error) => error.to_string(),
+            },
+            Err(error) => error.to_string(),
+        }
+    };
+    let curves = |scene: &mut Scene, change: &dyn Fn(&mut Curves)| {
+        change(scene.meshes.last_mut().and_then(|mesh| mesh.curves.as_mut()).expect("curves"));
+    };
+    assert_eq!(refusal(&|_| ()), "the first hits of curves are not rasterized");
+    let ribbons = refusal(&|scene| curves(scene, &|curves| curves.shape = CurveShape::Ribbon));
+    assert_eq!(ribbons, "GPUs do not support ribbons");
+    let cubic = refusal(&|scene| {
+        curves(scene, &|curves| curves.segments = CurveSegments::Cubic(vec![[0, 1, 2, 3]]));
+    });
+    assert_eq!(cubic, "GPUs do not support cubic curves");
+}
