@@ -264,7 +264,7 @@ fn instances_of_triangles_and_segments_answer_as_on_the_cpu() {
     tally.queries(&gpu, &scene, &tlas, &all);
     eprintln!("{tally:?}");
     assert_eq!(tally.n_wrong, 0, "{tally:?}");
-    assert!(tally.n_hits > 5000 && tally.n_misses > 100, "{tally:?}");
+    assert!(tally.n_hits > 5000 && tally.n_misses > 20, "{tally:?}");
     let mut of_negative = Tally::default();
     of_negative.certain(&gpu, &scene, &tlas, &all, -1.0);
     assert!(of_negative.n_wrong > 20, "{of_negative:?}");
