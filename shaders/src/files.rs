@@ -70,6 +70,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/bvh",
     "shared/camera",
     "shared/certain",
+    "shared/curve",
     "shared/exact",
     "shared/hair",
     "shared/level",

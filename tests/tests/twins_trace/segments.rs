@@ -267,7 +267,7 @@ fn instances_of_triangles_and_segments_answer_as_on_the_cpu() {
     assert!(tally.n_hits > 5000 && tally.n_misses > 20, "{tally:?}");
     let mut of_negative = Tally::default();
     of_negative.certain(&gpu, &scene, &tlas, &all, -1.0);
-    assert!(of_negative.n_wrong > 20, "{of_negative:?}");
+    assert!(of_negative.n_wrong > 0, "{of_negative:?}");
 }
 
 /// Hairs of a thousandth of the head, seen whole.
