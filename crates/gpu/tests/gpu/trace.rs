@@ -95,7 +95,7 @@ fn empty_scenes_have_no_hits() {
     let empty = nothing();
     for scene in [
         TracedScene::new(&gpu, SceneInput::upload([&empty]).parts(&[])),
-        TracedScene::new(&gpu, SceneInput::upload([]).instances(&[])),
+        TracedScene::new(&gpu, SceneInput::upload::<&TriangleBvh>([]).instances(&[])),
         TracedScene::new(&gpu, SceneInput::upload([&empty]).instances(&[Instance::new(0, Affine::IDENTITY)])),
     ] {
         let scene = scene.unwrap();
