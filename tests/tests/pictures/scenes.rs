@@ -150,14 +150,14 @@ pub(crate) fn curves(is_cubic: bool) -> OraclePicture {
             positions.len() as u32 - 1
         };
         if is_cubic {
-            for &[a, b, c, d] in strand.array_windows() {
+            for [a, b, c, d] in (0..4).map(|k| [0, 1, 2, 3].map(|i| strand[k + i])) {
                 let sum = |w: [f64; 4]| std::array::from_fn(|k| w[0] * a[k] + w[1] * b[k] + w[2] * c[k] + w[3] * d[k]);
                 let weights = [[1.0, 4.0, 1.0, 0.0], [0.0, 4.0, 2.0, 0.0], [0.0, 2.0, 4.0, 0.0], [0.0, 1.0, 4.0, 1.0]];
                 cubic.push(weights.map(|w| push(sum(w.map(|w| w / 6.0)))));
             }
         } else {
             let points = strand.map(push);
-            linear.extend(points.array_windows().copied());
+            linear.extend(points.windows(2).map(|ends| [ends[0], ends[1]]));
         }
     }
     let segments = if is_cubic { CurveSegments::Cubic(cubic) } else { CurveSegments::Linear(linear) };
