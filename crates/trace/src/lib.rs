@@ -33,7 +33,7 @@
 //! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
-//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`RibbonSegment`], [`RibbonCubic`], [`Disk`], [`Cone`], [`Ellipsoid`], [`segment_overlaps_aabb`] | single tests |
+//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`RibbonSegment`], [`RibbonCubic`], [`BezierPatch`], [`Disk`], [`Cone`], [`Ellipsoid`], [`segment_overlaps_aabb`] | single tests |
 //!
 //! # Guarantees
 //! A triangle kernel reports points within [`HIT_ERROR`] of the exact triangle. A box test reports every ray that comes
@@ -55,6 +55,7 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+mod bezier_patch;
 mod closest_point;
 mod convex;
 mod cubic_part;
@@ -64,6 +65,7 @@ mod leaf;
 mod levels;
 mod moving;
 mod overlaps;
+mod patch_part;
 mod placed;
 mod quadrics;
 mod query;
@@ -80,6 +82,7 @@ mod stack;
 mod surface_point;
 mod triangle;
 
+pub use bezier_patch::{BezierPatch, PatchPoint};
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle, closest_to_zero};
 pub use convex::{Convex, InvertedBox};
 pub use hit::{Hit, HitLists, InstanceId, Side};

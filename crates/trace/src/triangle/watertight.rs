@@ -167,7 +167,7 @@ pub enum Axis {
 impl Axis {
     /// The axis of the greatest absolute component, the first of equals. Without branches, as for [`Axis::indices`].
     #[inline]
-    pub(super) fn from_greatest<T: Copy + PartialOrd>([x, y, z]: [T; 3], abs: impl Fn(T) -> T) -> Self {
+    pub(crate) fn from_greatest<T: Copy + PartialOrd>([x, y, z]: [T; 3], abs: impl Fn(T) -> T) -> Self {
         let (x, y, z) = (abs(x), abs(y), abs(z));
         const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
         let (is_x, y_is_first) = ((x >= y) & (x >= z), y >= z);

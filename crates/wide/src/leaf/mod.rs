@@ -2,6 +2,7 @@
 
 mod closed;
 mod extents;
+mod patches;
 mod primitive;
 mod quadrics;
 mod ribbons;
