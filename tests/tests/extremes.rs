@@ -44,6 +44,7 @@ fn every_promise_holds() {
         "triangle BVH",
         "instance",
         "curve",
+        "patch",
         "film",
     ];
     for stage in stages {

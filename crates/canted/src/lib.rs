@@ -62,8 +62,8 @@ pub mod instance {
 /// Tests of single primitives, their error bounds, and what implementors of [`Intersect`] and [`Primitive`] need.
 pub mod kernel {
     pub use canted_trace::{
-        AcceptAt, Answer, Answers, BaldwinWeber, Cone, Counts, Disk, Ellipsoid, HIT_ERROR, HitLists, Kernel,
-        LeafTriangles, Leaves, MollerTrumbore, Projected, Query, ReferencePoint, RibbonCubic, RibbonSegment,
+        AcceptAt, Answer, Answers, BaldwinWeber, BezierPatch, Cone, Counts, Disk, Ellipsoid, HIT_ERROR, HitLists,
+        Kernel, LeafTriangles, Leaves, MollerTrumbore, Projected, Query, ReferencePoint, RibbonCubic, RibbonSegment,
         RoundCubic, RoundSegment, ScaledRay, SlabRay, Slabs, Sphere, TriangleHit, Watertight, position_error, ray_aabb,
         ray_obb,
     };

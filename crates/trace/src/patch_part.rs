@@ -254,8 +254,7 @@ impl Net {
         for _ in 0..MAX_STEPS {
             let (x, y) = (self.at(0, at), self.at(1, at));
             let area = x.by_u * y.by_v - x.by_v * y.by_u;
-            let step =
-                [(x.value * y.by_v - y.value * x.by_v) / area, (x.by_u * y.value - y.by_u * x.value) / area];
+            let step = [(x.value * y.by_v - y.value * x.by_v) / area, (x.by_u * y.value - y.by_u * x.value) / area];
             let next = [0, 1].map(|k| (at[k] - step[k]).clamp(0.0, 1.0));
             let moved = (next[0] - at[0]).abs().max((next[1] - at[1]).abs());
             at = next;

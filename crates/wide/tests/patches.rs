@@ -89,13 +89,13 @@ fn ray_at(patch: &BezierPatch, rng: &mut SplitMix64, i: usize) -> Ray {
 /// A root by Newton's method: parameters, `t`, and the sine of the angle between ray and surface.
 type Root = ([f64; 2], f64, f64);
 
-/// All roots of a line within the patch, with a little around it, from a grid of starts.
-fn roots(patch: &BezierPatch, ray: &Ray) -> Vec<Root> {
+/// All roots of a line within the patch, with a little around it, from a grid of starts, and from some more.
+fn roots(patch: &BezierPatch, ray: &Ray, more: &[PrimitiveHit]) -> Vec<Root> {
     const N: usize = 20;
     let (o, d) = (wide(ray.origin), wide(ray.direction));
     let mut found: Vec<Root> = vec![];
-    for start in 0..N * N {
-        let mut at = [start % N, start / N].map(|i| (i as f64 + 0.5) / N as f64);
+    let grid = (0..N * N).map(|start| [start % N, start / N].map(|i| (i as f64 + 0.5) / N as f64));
+    for mut at in grid.chain(more.iter().map(|hit| [hit.u, hit.v].map(f64::from))) {
         let mut is_root = false;
         for _ in 0..30 {
             // p + u·P_u + v·P_v - t·d = 0, by Cramer's rule.
@@ -108,7 +108,7 @@ fn roots(patch: &BezierPatch, ray: &Ray) -> Vec<Root> {
             if !at.iter().all(|x| (-0.5..=1.5).contains(x)) {
                 break;
             }
-            is_root = step[0].abs() + step[1].abs() < 1e-13;
+            is_root = step[0].abs() + step[1].abs() < 1e-11;
             if is_root {
                 break;
             }
@@ -131,17 +131,20 @@ fn compare(all: &[BezierPatch], tested: &[BezierPatch], n_rays: usize) -> [usize
     for (patch, tested) in all.iter().zip(tested) {
         for i in 0..n_rays {
             let ray = ray_at(patch, &mut rng, i);
-            let roots = roots(patch, &ray);
+            // A hit that is no root is not found from there either.
+            let found = hits(tested, &ray);
+            let roots = roots(patch, &ray, &found);
             // Near an edge, nearly along the surface, near the start, and next to another, a root is not certain.
+            // Of two hits with a silhouette between them, the height of the arc over the ray is about this.
+            let is_silhouette = |a: &Root, b: &Root| (b.1 - a.1) * a.2.abs().min(b.2.abs()) < 1e-5;
             let near_edge = |x: f64| x.abs() < 1e-6 || (x - 1.0).abs() < 1e-6;
             if roots.iter().any(|&(at, t, sine)| at.into_iter().any(near_edge) || sine.abs() < 1e-4 || t.abs() < 1e-5)
-                || roots.windows(2).any(|pair| pair[1].1 - pair[0].1 < 1e-4)
+                || roots.windows(2).any(|pair| pair[1].1 - pair[0].1 < 1e-4 || is_silhouette(&pair[0], &pair[1]))
             {
                 continue;
             }
             let is_within = |(at, t, _): &&Root| *t > 0.0 && at.iter().all(|x| (0.0..=1.0).contains(x));
             let want: Vec<&Root> = roots.iter().filter(is_within).collect();
-            let found = hits(tested, &ray);
             let is_same = want.len() == found.len()
                 && want.iter().zip(&found).all(|((at, t, sine), hit)| {
                     let off = (t - f64::from(hit.t)).abs() + 0.1 * (at[0] - f64::from(hit.u)).abs();
@@ -161,7 +164,7 @@ fn compare(all: &[BezierPatch], tested: &[BezierPatch], n_rays: usize) -> [usize
 fn patches_are_hit_where_newton_finds_roots() {
     let all = patches(&mut SplitMix64::new(5));
     let [n, n_hits, n_several, n_other] = compare(&all, &all, 200);
-    assert!(n_other == 0 && n > 3000 && n_hits > 3000 && n_several > 500, "{n_other} of {n}, {n_hits}, {n_several}");
+    assert!(n_other == 0 && n > 3000 && n_hits > 3000 && n_several > 400, "{n_other} of {n}, {n_hits}, {n_several}");
 }
 
 /// The comparison finds a control point that is off by a little.
@@ -230,8 +233,7 @@ fn lid(n_around: usize) -> Vec<BezierPatch> {
         for corner in 0..n_around {
             let (a, b) = (around(corner), around(corner + 1));
             let reach = 4.0 / 3.0 * (std::f64::consts::PI / (2.0 * n_around as f64)).tan();
-            let circle =
-                [a, [a[0] - reach * a[1], a[1] + reach * a[0]], [b[0] + reach * b[1], b[1] - reach * b[0]], b];
+            let circle = [a, [a[0] - reach * a[1], a[1] + reach * a[0]], [b[0] + reach * b[1], b[1] - reach * b[0]], b];
             let point = |i: usize, j: usize| {
                 let [radius, height] = profile(segment, j);
                 [(radius * circle[i][0]) as f32, (radius * circle[i][1]) as f32, height as f32]
@@ -413,18 +415,16 @@ fn degenerate_patches_are_missed() {
     assert!(hits(&BezierPatch { points: points(|i, j| [i as f32, j as f32, 0.0]) }, &along).is_empty());
     // The curve `c(u + v)`, bent, with rays along its straight lines, which no parameter follows.
     let blossom = |i: usize, j: usize| {
-        let s = (i + j) as f32 / 3.0 - 1.0;
-        [s, s * s, (i as f32 - j as f32) / 3.0]
+        let [i, j] = [i as f32, j as f32];
+        let square = 3.0 * (i * (i - 1.0) + j * (j - 1.0)) + 4.0 * i * j + 18.0 - 12.0 * (i + j);
+        [6.0 * (i + j) - 18.0, square, i - j]
     };
     let bent = BezierPatch { points: points(blossom) };
-    let mut n = 0;
-    for i in 0..200 {
-        let s = i as f32 / 150.0 - 0.6;
-        let [p, ..] = bent.at([f64::from(s.abs()).min(1.0), 0.3]);
-        let ray = Ray::new([p[0] as f32, p[1] as f32, 5.0], [0.0, 0.0, -1.0]);
-        n += hits(&bent, &ray).len();
+    for i in 0..300 {
+        let s = i as f32 / 150.0 - 1.0;
+        let ray = Ray::new([18.0 * s, 18.0 * s * s, 50.0], [0.0, 0.0, -1.0]);
+        assert!(hits(&bent, &ray).is_empty(), "{ray:?}");
     }
-    assert!(n <= 200, "{n}");
     // Control points that are not finite.
     let mut net = points(|i, j| [i as f32, j as f32, 0.0]);
     for bad in [f32::NAN, f32::INFINITY] {
@@ -459,12 +459,8 @@ fn hits_do_not_depend_on_the_bvh() {
         let rays: Vec<Ray> = rays.iter().map(|ray| Ray { origin: place(ray.origin), ..*ray }).collect();
         let wants: Vec<_> = rays.iter().map(wanted).collect();
         assert!(wants.iter().flatten().count() > 200);
-        let configs: [Config; 4] = [
-            Preset::Dynamic.into(),
-            Preset::Quality.into(),
-            Config::default(),
-            Config::default().axis_aligned(),
-        ];
+        let configs: [Config; 4] =
+            [Preset::Dynamic.into(), Preset::Quality.into(), Config::default(), Config::default().axis_aligned()];
         for config in configs {
             let bvh = WideBvh::over_with(moved.clone(), config).unwrap();
             let loaded = WideBvh::<BezierPatch>::from_bytes(&bvh.to_bytes()).unwrap();
@@ -485,7 +481,8 @@ fn hits_do_not_depend_on_the_bvh() {
                 bvh.all_hits(ray, &mut found);
                 let alone: usize = moved.iter().map(|patch| hits(patch, ray).len()).sum();
                 assert_eq!(found.len(), alone, "{ray:?}");
-                let back = bvh.closest_hit_with(ray, &mut canted_trace::Accept(|hit: &canted_trace::Hit| hit.side == Side::Back));
+                let back = bvh
+                    .closest_hit_with(ray, &mut canted_trace::Accept(|hit: &canted_trace::Hit| hit.side == Side::Back));
                 assert_eq!(back, found.iter().find(|hit| hit.side == Side::Back).copied(), "{ray:?}");
             }
         }

@@ -10,7 +10,7 @@ use canted_wide::{Preset, Primitive, PrimitiveHit, SimdPath, WideBvh};
 use super::{Oracle, Promise, Row, hierarchy::SAME};
 
 /// The distance of reported points from the surface.
-const NEAR: &str = "hits lie on the surface";
+pub(super) const NEAR: &str = "hits lie on the surface";
 /// Misses of lines that pass through by more than the error.
 const FOUND: &str = "a line through the inside is a hit";
 /// Entries and exits of a closed chain.
@@ -98,13 +98,13 @@ impl Balls for Sphere {
 
 /// Sizes and places of a scene.
 #[derive(Clone, Copy)]
-struct Place {
-    name: &'static str,
-    scale: f32,
-    offset: f32,
+pub(super) struct Place {
+    pub(super) name: &'static str,
+    pub(super) scale: f32,
+    pub(super) offset: f32,
 }
 
-const PLACES: [Place; 3] = [
+pub(super) const PLACES: [Place; 3] = [
     Place { name: "of size 1", scale: 1.0, offset: 0.0 },
     Place { name: "at 1e7", scale: 1.0, offset: 1e7 },
     Place { name: "of size 1e-6", scale: 1e-6, offset: 0.0 },
@@ -252,7 +252,7 @@ fn rows_of<P: Balls>(case: &'static str, place: Place, [all, tested]: [&[P]; 2],
 }
 
 /// The name of a case at a place; rows refer to it for as long as the program runs.
-fn leaked(case: &str, place: Place) -> &'static str {
+pub(super) fn leaked(case: &str, place: Place) -> &'static str {
     Box::leak(format!("{case}, {}", place.name).into_boxed_str())
 }
 

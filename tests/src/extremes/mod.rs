@@ -14,6 +14,7 @@ mod fit;
 pub mod hierarchy;
 pub mod instance;
 mod merge;
+mod patches;
 mod promise;
 mod rotation;
 pub mod slab;
@@ -49,6 +50,7 @@ pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
         instance::rows(effort, &placed),
         instance::rows_of_many(effort),
         curves::rows(effort),
+        patches::rows(effort),
         film::rows(),
     ]
     .concat();
