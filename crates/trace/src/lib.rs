@@ -89,6 +89,8 @@ pub use hit::{Hit, HitLists, InstanceId, Side};
 pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles, alternate_sides};
 pub use leaf::{LeafTriangles, Leaves};
 pub use levels::{BoxBvh, SaveBlas};
+#[doc(hidden)]
+pub use moving::numbers_at;
 pub use moving::position_at;
 pub use overlaps::Overlaps;
 #[doc(hidden)]

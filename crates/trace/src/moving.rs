@@ -21,6 +21,14 @@
 #[inline]
 #[must_use]
 pub fn position_at(open: &[f32; 3], close: &[f32; 3], time: f32) -> [f32; 3] {
+    numbers_at(open, close, time)
+}
+
+/// As [`position_at`], for any numbers, each as a coordinate.
+#[doc(hidden)]
+#[inline]
+#[must_use]
+pub fn numbers_at<const N: usize>(open: &[f32; N], close: &[f32; N], time: f32) -> [f32; N] {
     if time.is_nan() || time <= 0.0 {
         return *open;
     }

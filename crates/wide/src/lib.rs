@@ -120,7 +120,8 @@ pub use distance::{ClosestPoint, DistanceShape, Found, NearestList, NearestPoint
 pub use edit::EditError;
 pub use file::{KnownFile, LoadError, MapError, RawBvh, checksum};
 pub use leaf::{
-    LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,
+    LeafPrimitive, Moves, Moving, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box,
+    extent_of_points,
 };
 pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeBox, NodeKind};
 pub use query::{CrossingParts, MovingBvh, Order, TraversalCounts};

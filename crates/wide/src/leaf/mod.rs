@@ -2,6 +2,7 @@
 
 mod closed;
 mod extents;
+mod moving;
 mod patches;
 mod primitive;
 mod quadrics;
@@ -14,6 +15,7 @@ use canted_trace::{Hit, InstanceId, Side};
 
 pub(crate) use closed::Closed;
 pub use extents::{bounds_of_points, extent_of_box, extent_of_points};
+pub use moving::{Moves, Moving};
 pub(crate) use primitive::{Placed, Shapes, extents_within};
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 pub use triangles::Triangle;
