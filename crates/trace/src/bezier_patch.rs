@@ -29,7 +29,7 @@ use crate::{ScaledRay, Side};
 /// 2^-24 of the extent of the patch. A patch that the ray sees edge-on, flat patches in its plane included, is not hit.
 ///
 /// A patch may intersect itself, may be folded, and its control points may coincide. A ray hits it up to 18 times. Hits at the same `t` are reported
-/// one rounding of `f32` apart, the fifth and later ones not at all.
+/// one rounding of `f32` apart, the sixth and later ones not at all.
 ///
 /// # Error
 /// Each coordinate of `o + t·d` is within 13·2^-24 of the greatest `|x - o|∞` of control points `x` of some point of the patch, mostly within two: half a
