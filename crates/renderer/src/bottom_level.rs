@@ -9,10 +9,12 @@ use canted_sah::{Axes, SpatialConfig, Split, TopDownConfig};
 use canted_scene::{CurveSegments, CurveShape, Curves, Mesh};
 use canted_tlas::TopConfig;
 use canted_trace::{
-    AcceptAt, Answers, HIT_ERROR, Hit, InstanceId, Intersect, PlacedRay, Query, Ray, RibbonCubic, RibbonSegment,
-    RoundCubic, RoundSegment, ScaledRay, TriangleTest, pad_aabb,
+    AcceptAt, Answers, BezierPatch, HIT_ERROR, Hit, InstanceId, Intersect, PlacedRay, Query, Ray, RibbonCubic,
+    RibbonSegment, RoundCubic, RoundSegment, ScaledRay, TriangleTest, pad_aabb,
 };
-use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, Preset, RefitError, Sizes, TriangleBvh, WideBvh};
+use canted_wide::{
+    Config, MAX_TRIANGLES, Moves, Moving, MovingBvh, Preset, Primitive, RefitError, Sizes, TriangleBvh, WideBvh,
+};
 
 use crate::PrepareError;
 
@@ -266,8 +268,8 @@ impl SceneBvhConfig {
     pub(crate) fn build(&self, of: Triangles) -> Result<BottomLevel, PrepareError> {
         let Triangles { positions, close, triangles, curves } = of;
         if let Some((mesh, curves)) = curves {
-            if close.is_some() {
-                return Err(PrepareError::MovingCurves);
+            if self.kind != BvhKind::Wide || self.builder.is_some() {
+                return Err(PrepareError::Curves);
             }
             return self.build_curves(mesh, curves);
         }
@@ -291,45 +293,49 @@ impl SceneBvhConfig {
         }
     }
 
-    /// The BVH over the segments of the curves of a mesh.
+    /// The BVH over the segments of the curves of a mesh, or over its patches.
     fn build_curves(
         &self,
         mesh: &Mesh,
         Curves { radii, segments, shape }: &Curves,
     ) -> Result<BottomLevel, PrepareError> {
-        if self.kind != BvhKind::Wide || self.builder.is_some() {
-            return Err(PrepareError::Curves);
-        }
-        let point = |i: u32| mesh.positions[i as usize];
-        let radius = |i: u32| radii[i as usize];
-        Ok(match (segments, shape) {
+        let close = mesh
+            .close
+            .as_ref()
+            .map(|close| Points { positions: &close.positions, radii: close.radii.as_deref().unwrap_or(radii) });
+        let points = (Points { positions: &mesh.positions, radii }, close);
+        let following = || mesh.following_indices().into_iter();
+        match (segments, shape) {
             (CurveSegments::Linear(list), CurveShape::Tube) => {
-                let segment = |ends: &[u32; 2]| RoundSegment { ends: ends.map(point), radii: ends.map(radius) };
-                BottomLevel::Segments(WideBvh::over_with(list.iter().map(segment).collect(), self.wide())?)
+                self.over(points, list.iter(), Points::segment, BottomLevel::Segments)
             }
             (CurveSegments::Cubic(list), CurveShape::Tube) => {
-                let curve = |points: &[u32; 4]| RoundCubic { points: points.map(point), radii: points.map(radius) };
-                BottomLevel::Cubics(WideBvh::over_with(list.iter().map(curve).collect(), self.wide())?)
+                self.over(points, list.iter(), Points::cubic, BottomLevel::Cubics)
             }
             (CurveSegments::Linear(list), CurveShape::Ribbon) => {
-                let ribbon = |(ends, next): (&[u32; 2], [f32; 3])| RibbonSegment {
-                    ends: ends.map(point),
-                    radii: ends.map(radius),
-                    next,
-                };
-                let ribbons = list.iter().zip(mesh.following_points()).map(ribbon);
-                BottomLevel::Ribbons(WideBvh::over_with(ribbons.collect(), self.wide())?)
+                self.over(points, list.iter().zip(following()), Points::ribbon, BottomLevel::Ribbons)
             }
             (CurveSegments::Cubic(list), CurveShape::Ribbon) => {
-                let ribbon = |(points, next): (&[u32; 4], [f32; 3])| RibbonCubic {
-                    points: points.map(point),
-                    radii: points.map(radius),
-                    next,
-                };
-                let ribbons = list.iter().zip(mesh.following_points()).map(ribbon);
-                BottomLevel::CubicRibbons(WideBvh::over_with(ribbons.collect(), self.wide())?)
+                self.over(points, list.iter().zip(following()), Points::cubic_ribbon, BottomLevel::CubicRibbons)
             }
-        })
+            (CurveSegments::Patches(list), _) => self.over(points, list.iter(), Points::patch, BottomLevel::Patches),
+        }
+    }
+
+    /// The BVH over what `make` makes of each item and the points at shutter open; of those at shutter close too, if they move.
+    fn over<'a, I: Copy, P: Moves + 'static>(
+        &self,
+        (open, close): (Points<'a>, Option<Points<'a>>),
+        items: impl Iterator<Item = I>,
+        make: fn(&Points<'a>, I) -> P,
+        still: fn(WideBvh<P>) -> BottomLevel,
+    ) -> Result<BottomLevel, PrepareError> {
+        let Some(close) = close else {
+            let all = items.map(|item| make(&open, item)).collect();
+            return Ok(still(WideBvh::over_with(all, self.wide())?));
+        };
+        let all = items.map(|item| Moving { open: make(&open, item), close: make(&close, item) }).collect();
+        Ok(BottomLevel::MovingCurves(Box::new(WideBvh::over_with(all, self.wide())?)))
     }
 
     fn build_binary(&self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Bvh2, PrepareError> {
@@ -367,6 +373,71 @@ impl SceneBvhConfig {
             Some(_) => preset,
         };
         Ok(TriangleBvh::build_with(positions, triangles, config)?)
+    }
+}
+
+/// Points and radii of curves at one end of the shutter.
+#[derive(Clone, Copy)]
+struct Points<'a> {
+    positions: &'a [[f32; 3]],
+    radii: &'a [f32],
+}
+
+impl Points<'_> {
+    fn position(&self, i: u32) -> [f32; 3] {
+        self.positions[i as usize]
+    }
+
+    fn radius(&self, i: u32) -> f32 {
+        self.radii[i as usize]
+    }
+
+    fn segment(&self, ends: &[u32; 2]) -> RoundSegment {
+        RoundSegment { ends: ends.map(|i| self.position(i)), radii: ends.map(|i| self.radius(i)) }
+    }
+
+    fn cubic(&self, points: &[u32; 4]) -> RoundCubic {
+        RoundCubic { points: points.map(|i| self.position(i)), radii: points.map(|i| self.radius(i)) }
+    }
+
+    fn ribbon(&self, (ends, next): (&[u32; 2], u32)) -> RibbonSegment {
+        let RoundSegment { ends, radii } = self.segment(ends);
+        RibbonSegment { ends, radii, next: self.position(next) }
+    }
+
+    fn cubic_ribbon(&self, (points, next): (&[u32; 4], u32)) -> RibbonCubic {
+        let RoundCubic { points, radii } = self.cubic(points);
+        RibbonCubic { points, radii, next: self.position(next) }
+    }
+
+    fn patch(&self, points: &[u32; 16]) -> BezierPatch {
+        BezierPatch { points: [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| self.position(points[4 * i + j]))) }
+    }
+}
+
+/// A wide BVH over curves or patches that move, of any kind.
+pub trait CurveBvh: Intersect + Sync + Send {
+    /// Memory of nodes and primitives.
+    fn n_bytes(&self) -> usize;
+
+    /// As [`WideBvh::each_box`].
+    fn each_box(&self, visit: &mut dyn FnMut(Obb, u32, bool));
+
+    /// Number of nodes of each kind, and the rows of the frame of aligned nodes.
+    fn sizes_and_frame(&self) -> (Sizes, [[f32; 3]; 3]);
+}
+
+impl<P: Primitive> CurveBvh for WideBvh<P> {
+    fn n_bytes(&self) -> usize {
+        Self::n_bytes(self)
+    }
+
+    fn each_box(&self, visit: &mut dyn FnMut(Obb, u32, bool)) {
+        Self::each_box(self, visit);
+    }
+
+    fn sizes_and_frame(&self) -> (Sizes, [[f32; 3]; 3]) {
+        (self.sizes(), self.frame())
     }
 }
 
@@ -418,6 +489,10 @@ pub enum BottomLevel {
     Ribbons(WideBvh<RibbonSegment>),
     /// Eight-wide, over cubic ribbons.
     CubicRibbons(WideBvh<RibbonCubic>),
+    /// Eight-wide, over bicubic patches.
+    Patches(WideBvh<BezierPatch>),
+    /// Eight-wide, over curves or patches whose points move while the shutter is open.
+    MovingCurves(Box<dyn CurveBvh>),
 }
 
 impl BottomLevel {
@@ -432,6 +507,8 @@ impl BottomLevel {
             Self::Cubics(bvh) => bvh,
             Self::Ribbons(bvh) => bvh,
             Self::CubicRibbons(bvh) => bvh,
+            Self::Patches(bvh) => bvh,
+            Self::MovingCurves(bvh) => &**bvh,
         }
     }
 
@@ -448,6 +525,8 @@ impl BottomLevel {
             Self::Cubics(bvh) => bvh.n_bytes(),
             Self::Ribbons(bvh) => bvh.n_bytes(),
             Self::CubicRibbons(bvh) => bvh.n_bytes(),
+            Self::Patches(bvh) => bvh.n_bytes(),
+            Self::MovingCurves(bvh) => bvh.n_bytes(),
         }
     }
 
@@ -461,7 +540,15 @@ impl BottomLevel {
             (Self::Wide(wide), None) => wide.refit(positions, triangles),
             (Self::Moving(moving), Some(close)) => moving.refit(positions, close, triangles),
             // Curves are built again.
-            (Self::Segments(_) | Self::Cubics(_) | Self::Ribbons(_) | Self::CubicRibbons(_), _) => return Ok(None),
+            (
+                Self::Segments(_)
+                | Self::Cubics(_)
+                | Self::Ribbons(_)
+                | Self::CubicRibbons(_)
+                | Self::Patches(_)
+                | Self::MovingCurves(_),
+                _,
+            ) => return Ok(None),
             (Self::Wide(_) | Self::Moving(_) | Self::Bvh2(..) | Self::Bih(_) | Self::KdTree(_), _) => return Ok(None),
         };
         match refit {
@@ -481,6 +568,8 @@ impl BottomLevel {
             Self::Cubics(bvh) => bvh.each_box(visit),
             Self::Ribbons(bvh) => bvh.each_box(visit),
             Self::CubicRibbons(bvh) => bvh.each_box(visit),
+            Self::Patches(bvh) => bvh.each_box(visit),
+            Self::MovingCurves(bvh) => bvh.each_box(&mut visit),
             Self::Bvh2(bvh, _) => {
                 bvh.pairs().each_box(|obb, level, is_leaf| visit(bvh.reference().given_box(obb), level, is_leaf));
             }
@@ -503,6 +592,11 @@ impl BottomLevel {
             Self::Cubics(bvh) => of_wide(bvh.sizes(), bvh.frame()),
             Self::Ribbons(bvh) => of_wide(bvh.sizes(), bvh.frame()),
             Self::CubicRibbons(bvh) => of_wide(bvh.sizes(), bvh.frame()),
+            Self::Patches(bvh) => of_wide(bvh.sizes(), bvh.frame()),
+            Self::MovingCurves(bvh) => {
+                let (sizes, frame) = bvh.sizes_and_frame();
+                of_wide(sizes, frame)
+            }
             Self::Bvh2(_, strategy) => *strategy != Strategy::Aabb,
             Self::Bih(_) | Self::KdTree(_) => false,
         }

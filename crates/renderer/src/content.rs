@@ -74,10 +74,11 @@ fn of_mesh(mesh: &Mesh) -> u64 {
         hash.debug(segments);
         hash.debug(shape);
     }
-    if let Some(MeshClose { positions, normals, tangents }) = close {
+    if let Some(MeshClose { positions, normals, tangents, radii }) = close {
         hash.floats(positions);
         hash.floats(normals.as_deref().unwrap_or_default());
         hash.floats(tangents.as_deref().unwrap_or_default());
+        hash.words(radii.iter().flatten().map(|radius| radius.to_bits()));
     }
     hash.finish()
 }

@@ -15,8 +15,6 @@ pub enum PrepareError {
     Topology(TopologyError),
     /// A mesh deforms while the shutter is open, which only wide BVHs support.
     MovingTriangles,
-    /// The points of curves move while the shutter is open, which no BVH supports; instances of curves may move.
-    MovingCurves,
     /// A BVH over curves cannot be built.
     Primitive(PrimitiveError),
     /// Curves are traced through wide BVHs alone.
@@ -39,9 +37,6 @@ impl fmt::Display for PrepareError {
             Self::MovingTriangles => {
                 f.write_str("a mesh deforms while the shutter is open; use --accel wide, without --volumes")
             }
-            Self::MovingCurves => f.write_str(
-                "the points of curves move while the shutter is open, which is not supported; move their instances",
-            ),
             Self::Primitive(error) => error.fmt(f),
             Self::Curves => {
                 f.write_str("curves are traced through wide BVHs; use --accel wide, without --volumes and --builder")
@@ -60,7 +55,7 @@ impl std::error::Error for PrepareError {
             Self::Instance(error) => Some(error),
             Self::Topology(error) => Some(error),
             Self::Primitive(error) => Some(error),
-            Self::TooMany { .. } | Self::MovingTriangles | Self::MovingCurves | Self::Curves => None,
+            Self::TooMany { .. } | Self::MovingTriangles | Self::Curves => None,
         }
     }
 }

@@ -53,7 +53,7 @@ mod update_policy;
 
 #[cfg(feature = "baseline")]
 pub use bottom_level::obvhs_tree;
-pub use bottom_level::{BottomLevel, Builder, BvhKind, Levels, SceneBvhConfig};
+pub use bottom_level::{BottomLevel, Builder, BvhKind, CurveBvh, Levels, SceneBvhConfig};
 pub use boxes::{BoxLevel, draw_boxes};
 pub use bsdf::{Bsdf, BsdfSample, Evaluation, Hair, Lobes};
 pub use camera::{CameraError, View};

@@ -359,10 +359,16 @@ impl MeshKey {
         triangles.words(mesh.triangles.iter().flatten().copied());
         triangles.words(coincident::kinds(scene, mesh));
         if let Some(Curves { radii, segments, shape }) = &mesh.curves {
-            triangles.word(1 + u64::from(matches!(segments, CurveSegments::Cubic(_))));
+            triangles.word(match segments {
+                CurveSegments::Linear(_) => 1,
+                CurveSegments::Cubic(_) => 2,
+                CurveSegments::Patches(_) => 3,
+            });
             triangles.word(u64::from(*shape == CurveShape::Ribbon));
             triangles.words(segments.indices().iter().copied());
             triangles.words(radii.iter().map(|radius| radius.to_bits()));
+            let close = mesh.close.iter().flat_map(|close| close.radii.iter().flatten());
+            triangles.words(close.map(|radius| radius.to_bits()));
         }
         Self { positions: positions.finish(), triangles: triangles.finish() }
     }

@@ -78,7 +78,7 @@ mod strand;
 pub use builtin::builtin;
 pub use file::{
     Asset, AssetInstance, AssetSource, CurveBasis, CurveTable, EnvironmentSource, MaterialEdits, NewMaterial, Override,
-    Placement, SceneFile, Setting, closest_match, suggestion,
+    PatchTable, Placement, SceneFile, Setting, closest_match, suggestion,
 };
 pub use light::{Environment, EnvironmentImage, Light};
 pub use material::{

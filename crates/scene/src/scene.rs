@@ -85,8 +85,14 @@ impl Scene {
             }
             if let Some(curves) = &self.meshes[instance.mesh.0 as usize].curves {
                 let mesh = &self.meshes[instance.mesh.0 as usize];
-                for &index in curves.segments.indices() {
-                    let (position, radius) = (mesh.positions[index as usize], curves.radii[index as usize]);
+                let close = mesh.close.as_ref();
+                let ends = curves.segments.indices().iter().flat_map(|&i| {
+                    let at_close = close.map(|close| {
+                        (close.positions[i as usize], close.radii.as_ref().unwrap_or(&curves.radii)[i as usize])
+                    });
+                    [Some((mesh.positions[i as usize], curves.radii[i as usize])), at_close].into_iter().flatten()
+                });
+                for (position, radius) in ends {
                     for placed in
                         [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten()
                     {
@@ -131,6 +137,8 @@ pub struct MeshClose {
     pub normals: Option<Vec<[f32; 3]>>,
     /// As [`Mesh::tangents`].
     pub tangents: Option<Vec<[f32; 4]>>,
+    /// As [`Curves::radii`]; `None` if they do not change.
+    pub radii: Option<Vec<f32>>,
 }
 
 /// An indexed triangle mesh in object space. Every index is in range and every referenced position is finite.
@@ -161,14 +169,14 @@ pub struct Mesh {
     pub close: Option<MeshClose>,
 }
 
-/// Curves: lines with a thickness.
+/// Curves, which are lines with a thickness, or patches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
-    /// The radius at each position, half the width of ribbons; at least 0 and finite.
+    /// The radius at each position, half the width of ribbons; at least 0 and finite. Of patches 0.
     pub radii: Vec<f32>,
     /// The segments.
     pub segments: CurveSegments,
-    /// What surrounds the segments.
+    /// What surrounds the segments; patches have no shape of their own.
     pub shape: CurveShape,
 }
 
@@ -202,6 +210,8 @@ pub enum CurveSegments {
     Linear(Vec<[u32; 2]>),
     /// Cubic Bézier curves, by their control points.
     Cubic(Vec<[u32; 4]>),
+    /// Bicubic Bézier patches, by their control points: rows along the second parameter, one after another along the first.
+    Patches(Vec<[u32; 16]>),
 }
 
 impl CurveSegments {
@@ -211,6 +221,7 @@ impl CurveSegments {
         match self {
             Self::Linear(list) => list.len(),
             Self::Cubic(list) => list.len(),
+            Self::Patches(list) => list.len(),
         }
     }
 
@@ -226,12 +237,19 @@ impl CurveSegments {
         match self {
             Self::Linear(list) => list.as_flattened(),
             Self::Cubic(list) => list.as_flattened(),
+            Self::Patches(list) => list.as_flattened(),
         }
     }
 }
 
 impl Mesh {
-    /// Number of triangles, or of segments of curves.
+    /// Whether it is made of patches.
+    #[must_use]
+    pub fn has_patches(&self) -> bool {
+        self.curves.as_ref().is_some_and(|curves| matches!(curves.segments, CurveSegments::Patches(_)))
+    }
+
+    /// Number of triangles, or of segments of curves or patches.
     #[must_use]
     pub fn n_primitives(&self) -> usize {
         self.triangles.len() + self.curves.as_ref().map_or(0, |curves| curves.segments.len())

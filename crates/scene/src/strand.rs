@@ -8,7 +8,7 @@ impl Mesh {
     /// The segments of each strand of the mesh's curves, in order; none without curves.
     ///
     /// A segment continues a strand if it begins at the position at which the one before it ends. Balls, which begin where they end, are strands of their
-    /// own unless they share a position.
+    /// own unless they share a position; patches always are.
     ///
     /// ```
     /// use canted_scene::{CurveSegments, CurveShape, Curves, Mesh};
@@ -25,7 +25,8 @@ impl Mesh {
     pub fn strands(&self) -> Vec<Range<usize>> {
         let Some(curves) = &self.curves else { return Vec::new() };
         let n = curves.segments.len();
-        let is_first = |&i: &usize| i == 0 || self.segment_ends(i - 1)[1] != self.segment_ends(i)[0];
+        let is_first =
+            |&i: &usize| i == 0 || self.has_patches() || self.segment_ends(i - 1)[1] != self.segment_ends(i)[0];
         let mut starts: Vec<usize> = (0..n).filter(is_first).collect();
         starts.push(n);
         starts.windows(2).map(|pair| pair[0]..pair[1]).filter(|strand| !strand.is_empty()).collect()
@@ -60,28 +61,41 @@ impl Mesh {
     /// The last segment of a strand of three or more that ends where it begins is followed by the first.
     #[must_use]
     pub fn following_points(&self) -> Vec<[f32; 3]> {
+        self.following_indices().into_iter().map(|i| self.positions[i as usize]).collect()
+    }
+
+    /// As [`Mesh::following_points`], by the indices of the points.
+    #[must_use]
+    pub fn following_indices(&self) -> Vec<u32> {
         let mut following = Vec::with_capacity(self.curves.as_ref().map_or(0, |curves| curves.segments.len()));
         for strand in self.strands() {
             let is_closed =
                 strand.len() > 2 && self.segment_ends(strand.end - 1)[1] == self.segment_ends(strand.start)[0];
             for i in strand.clone() {
                 let end = self.segment_ends(i)[1];
+                let last = self.segment_indices(i).last().copied().unwrap_or(0);
                 let next = if i + 1 < strand.end { Some(i + 1) } else { is_closed.then_some(strand.start) };
-                let ahead = next.and_then(|next| self.segment_points(next).find(|&point| point != end));
-                following.push(ahead.unwrap_or(end));
+                let is_ahead = |i: &&u32| self.positions[**i as usize] != end;
+                let ahead = next.and_then(|next| self.segment_indices(next).iter().find(is_ahead));
+                following.push(ahead.copied().unwrap_or(last));
             }
         }
         following
     }
 
-    /// Control points of a segment.
-    fn segment_points(&self, i: usize) -> impl Iterator<Item = [f32; 3]> {
-        let indices: &[u32] = match self.curves.as_ref().map(|curves| &curves.segments) {
+    /// Indices of the control points of a segment.
+    fn segment_indices(&self, i: usize) -> &[u32] {
+        match self.curves.as_ref().map(|curves| &curves.segments) {
             Some(CurveSegments::Linear(list)) => &list[i][..],
             Some(CurveSegments::Cubic(list)) => &list[i][..],
+            Some(CurveSegments::Patches(list)) => &list[i][..],
             None => &[],
-        };
-        indices.iter().map(|&index| self.positions[index as usize])
+        }
+    }
+
+    /// Control points of a segment.
+    fn segment_points(&self, i: usize) -> impl Iterator<Item = [f32; 3]> {
+        self.segment_indices(i).iter().map(|&index| self.positions[index as usize])
     }
 
     fn segment_ends(&self, i: usize) -> [[f32; 3]; 2] {

@@ -145,7 +145,8 @@ fn add_curves(level: &mut Level, scene: &Scene) -> Result<()> {
             first_primitive: 0,
         };
         let alone = Scene {
-            meshes: vec![mesh.clone()],
+            // Those that move count as the shutter opens.
+            meshes: vec![Mesh { close: None, ..mesh.clone() }],
             instances: vec![instance],
             materials: scene.materials.clone(),
             ..Scene::default()
@@ -159,6 +160,7 @@ fn add_curves(level: &mut Level, scene: &Scene) -> Result<()> {
                 BottomLevel::Cubics(wide) => row.add(wide, area, build_ms),
                 BottomLevel::Ribbons(wide) => row.add(wide, area, build_ms),
                 BottomLevel::CubicRibbons(wide) => row.add(wide, area, build_ms),
+                BottomLevel::Patches(wide) => row.add(wide, area, build_ms),
                 _ => {}
             }
         }

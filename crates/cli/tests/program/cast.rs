@@ -601,10 +601,15 @@ fn lines_are_numbered_by_segment() {
     // Segments of curves are numbered after the triangles of assets.
     folder.write("t.obj", "v 50 0 0\nv 51 0 0\nv 50 1 0\nf 1 2 3\n");
     let tables = "[[assets]]\nname = \"t\"\nfile = \"t.obj\"\n[[curves]]\nradii = 0.5\npoints = [[0, 0, 0], [4, 0, 0], [8, 0, 0]]\n\
-                  [[curves]]\nbasis = \"bezier\"\nradii = 1\npoints = [[0, 9, 0], [2, 9, 0], [4, 9, 0], [6, 9, 0]]\n";
+                  [[curves]]\nbasis = \"bezier\"\nradii = 1\npoints = [[0, 9, 0], [2, 9, 0], [4, 9, 0], [6, 9, 0]]\n\
+                  [[patches]]\npoints = [[-12, -2, 1], [-12, 0, 1], [-12, 2, 1], [-12, 4, 1], [-10, -2, 1], [-10, 0, 1], [-10, 2, 1], [-10, 4, 1], \
+                  [-8, -2, 1], [-8, 0, 1], [-8, 2, 1], [-8, 4, 1], [-6, -2, 1], [-6, 0, 1], [-6, 2, 1], [-6, 4, 1]]\n";
     folder.write("c.toml", tables);
+    folder.write("rays.csv", format!("{rays}-9,-0.5,5,0,0,-1,inf\n"));
     folder.run("cast c.toml --rays rays.csv --hits hits.csv").done();
     let hits: Vec<Vec<f64>> = rows(&folder.text("hits.csv"), HEADER);
     let want = [[4.5, 1.0, 0.25, 0.0, 1.0], [2.25, 2.0, 0.5, 0.0, 1.0], [4.0, 3.0, 0.5, 0.0, 2.0]];
     assert_eq!(hits[..3], want.map(|row| row.to_vec()));
+    // Patches are numbered after the curves, and have both parameters.
+    assert_eq!(hits[5], [4.0, 4.0, 0.5, 0.25, 3.0]);
 }

@@ -17,6 +17,10 @@ const CUBIC_CURVES: DeviceError = DeviceError::Unsupported { what: "cubic curves
 
 const RIBBONS: DeviceError = DeviceError::Unsupported { what: "ribbons" };
 
+const PATCHES: DeviceError = DeviceError::Unsupported { what: "patches" };
+
+const MOVING_CURVES: DeviceError = DeviceError::Unsupported { what: "curves whose points move" };
+
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
 /// What the device traces.
@@ -146,6 +150,8 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
             BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
             BottomLevel::Cubics(_) => return Err(CUBIC_CURVES),
             BottomLevel::Ribbons(_) | BottomLevel::CubicRibbons(_) => return Err(RIBBONS),
+            BottomLevel::Patches(_) => return Err(PATCHES),
+            BottomLevel::MovingCurves(_) => return Err(MOVING_CURVES),
         }
     }
     Ok(Kind::Wide(meshes))

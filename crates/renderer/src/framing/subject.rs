@@ -121,10 +121,13 @@ impl Connected {
         if let Some(curves) = &mesh.curves {
             labels.fill(0);
             // The area of the shadow of each chord, twice: that of a cylinder but for pi.
+            let is_surface = mesh.has_patches();
             let radius = |i: u32| f64::from(curves.radii[i as usize]);
             let chord = |i: u32, k: u32| wide(mesh.positions[i as usize]).distance(wide(mesh.positions[k as usize]));
             let indices = curves.segments.indices().windows(2).map(|pair| chord(pair[0], pair[1]) * radius(pair[0]));
-            areas.push(indices.sum());
+            // Patches have an area instead: about that of the square over the mean step of their control points.
+            let steps = curves.segments.indices().windows(2).map(|pair| chord(pair[0], pair[1]).powi(2));
+            areas.push(if is_surface { steps.sum() } else { indices.sum() });
             return Self { labels, areas };
         }
         for vertex in 0..parents.len() as u32 {

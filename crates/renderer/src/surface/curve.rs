@@ -1,4 +1,4 @@
-//! Surfaces of curves: points, normals, tangents and texture coordinates of tubes and ribbons.
+//! Surfaces of curves: points, normals, tangents and texture coordinates of tubes, ribbons and patches.
 //!
 //! A hit states how far along a curve it is. The point of a tube is that of the ray, moved onto the ball that touches the surface
 //! there, in object space and f64: rounding `t` moves it along the surface only. The point of a ribbon is that of the line as far along the ray as the
@@ -8,10 +8,10 @@
 //! behind it, and no ray to that side hits the same straight part.
 //!
 //! Texture coordinates: `u` along the strand, from 0 to 1, in proportion to length ([`Mesh::strand_coordinates`]); `v` across, from 0 at the left edge to 1 at the
-//! right one, as the ray sees a curve that leads upward. A tube has no edges, so its `v` is that of its silhouette.
+//! right one, as the ray sees a curve that leads upward. A tube has no edges, so its `v` is that of its silhouette. Those of a patch are its parameters.
 
 use canted_scene::{CurveSegments, CurveShape, Curves, Material, Mesh, TextureRef};
-use canted_trace::{Hit, Ray, RoundCubic, Side};
+use canted_trace::{BezierPatch, Hit, Ray, RoundCubic, Side, position_at};
 use glam::DVec3;
 
 use super::hit_triangle::Pose;
@@ -45,9 +45,10 @@ impl Surfaces<'_> {
         let travelled = f64::from(hit.t) * direction;
         let near = object_from_world(&pose, wide(ray.origin) + travelled - pose.columns[3]);
         let material = self.material(mesh.material_of(hit.primitive.0));
-        let mut point = point(mesh, curves, hit, near, object_from_world(&pose, direction));
+        let mut point = point(mesh, curves, hit, near, object_from_world(&pose, direction), ray.time);
         let mut offset = 0.0;
-        if curves.shape == CurveShape::Ribbon {
+        let is_patch = mesh.has_patches();
+        if curves.shape == CurveShape::Ribbon && !is_patch {
             offset = pose.vector_world(point.right).length();
             if material.hair.is_some() {
                 // Hair scatters as the fiber that has this silhouette.
@@ -72,7 +73,8 @@ impl Surfaces<'_> {
             texel.unwrap_or([1.0; 4])
         };
         let mut bsdf = bsdf(material, point.color, is_front, texel);
-        bsdf.hair = material.hair.as_ref().map(|hair| Hair::new(hair, bsdf.base_color, material.ior));
+        bsdf.hair =
+            material.hair.as_ref().filter(|_| !is_patch).map(|hair| Hair::new(hair, bsdf.base_color, material.ior));
         let emission_texel = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
         Surface {
             position: pose.point_world(point.position).into(),
@@ -129,7 +131,8 @@ impl Surfaces<'_> {
     pub(super) fn alpha_of_curve(&self, hit: &Hit, material: &Material, curves: &Curves) -> f32 {
         let texture = material.alpha_texture.as_ref().and_then(|slot| {
             let [from, to] = self.strands[self.mesh_of(hit)].as_ref()?[hit.primitive.index()];
-            let v = if curves.shape == CurveShape::Ribbon { hit.v } else { 0.5 };
+            let has_width = curves.shape == CurveShape::Ribbon || matches!(curves.segments, CurveSegments::Patches(_));
+            let v = if has_width { hit.v } else { 0.5 };
             let uv = [from + hit.u * (to - from), v].map(f64::from);
             Some(self.textures.get(slot.texture).alpha(self.point_of_texture(slot, uv)))
         });
@@ -156,16 +159,63 @@ fn object_from_world(pose: &Pose, vector: DVec3) -> DVec3 {
     DVec3::new(vector.dot(yz), vector.dot(zx), vector.dot(xy)) / pose.columns[0].dot(yz)
 }
 
+/// The position and radius of a point of curves at a time, as the BVH has them.
+fn ball_at(mesh: &Mesh, radii: &[f32], i: usize, time: f32) -> ([f32; 3], f32) {
+    let Some(close) = &mesh.close else { return (mesh.positions[i], radii[i]) };
+    let close_radius = close.radii.as_deref().unwrap_or(radii)[i];
+    let [radius, ..] = position_at(&[radii[i]; 3], &[close_radius; 3], time);
+    (position_at(&mesh.positions[i], &close.positions[i], time), radius)
+}
+
+/// The patch with these control points at a time.
+fn patch(mesh: &Mesh, radii: &[f32], indices: &[u32; 16], time: f32) -> BezierPatch {
+    let row = |i: usize| [0, 1, 2, 3].map(|j| ball_at(mesh, radii, indices[4 * i + j] as usize, time).0);
+    BezierPatch { points: [row(0), row(1), row(2), row(3)] }
+}
+
+/// The point of a patch at a hit, and its unit normal on the front, object space; `None` for other meshes.
+pub(super) fn point_of_patch(mesh: &Mesh, hit: &Hit, time: f32) -> Option<(DVec3, DVec3)> {
+    let Some(Curves { segments: CurveSegments::Patches(list), radii, .. }) = &mesh.curves else { return None };
+    let indices = &list[hit.primitive.index()];
+    let CurvePoint { position, normal, .. } = on_patch(mesh, patch(mesh, radii, indices, time), indices, hit);
+    Some((position, normal))
+}
+
+/// A point of a patch: its tangent is the derivative by `u`, and what leads right half of that by `v`.
+fn on_patch(mesh: &Mesh, patch: BezierPatch, indices: &[u32; 16], hit: &Hit) -> CurvePoint {
+    let at = [hit.u, hit.v].map(f64::from);
+    let [position, by_u, by_v] = patch.at(at);
+    let normal = patch.normal(at).map_or(DVec3::Z, DVec3::from);
+    let [of_u, of_v] = at.map(|s| {
+        let r = 1.0 - s;
+        [r * r * r, 3.0 * s * r * r, 3.0 * s * s * r, s * s * s]
+    });
+    let weights: [(usize, f64); 16] = std::array::from_fn(|k| (indices[k] as usize, of_u[k / 4] * of_v[k % 4]));
+    let (tangent, right) = (DVec3::from(by_u), 0.5 * DVec3::from(by_v));
+    CurvePoint { position: position.into(), normal, tangent, right, across: at[1], color: mixed_color(mesh, &weights) }
+}
+
+/// The mean color of points with these weights.
+fn mixed_color(mesh: &Mesh, weights: &[(usize, f64)]) -> [f32; 4] {
+    mesh.colors.as_ref().map_or([1.0; 4], |colors| {
+        std::array::from_fn(|k| weights.iter().map(|&(i, weight)| f64::from(colors[i][k]) * weight).sum::<f64>() as f32)
+    })
+}
+
 /// The point of the surface next to `near`, a point of a ray along `direction`.
-fn point(mesh: &Mesh, curves: &Curves, hit: &Hit, near: DVec3, direction: DVec3) -> CurvePoint {
+fn point(mesh: &Mesh, curves: &Curves, hit: &Hit, near: DVec3, direction: DVec3, time: f32) -> CurvePoint {
     let Curves { radii, segments, shape } = curves;
+    let ball = |i: usize| ball_at(mesh, radii, i, time);
     let index = hit.primitive.index();
     let u = f64::from(hit.u);
-    let (ball, slope, weights) = match segments {
+    let ((center, radius), slope, weights) = match segments {
+        CurveSegments::Patches(list) => {
+            return on_patch(mesh, patch(mesh, radii, &list[index], time), &list[index], hit);
+        }
         CurveSegments::Linear(list) => {
             let [a, b] = list[index].map(|i| i as usize);
-            let (from, to) = (wide(mesh.positions[a]), wide(mesh.positions[b]));
-            let (r, s) = (f64::from(radii[a]), f64::from(radii[b]));
+            let ((from, r), (to, s)) = (ball(a), ball(b));
+            let (from, to, r, s) = (wide(from), wide(to), f64::from(r), f64::from(s));
             // The position is rounded to f32: the one of the ball that touches a cone at the point is computed again.
             let (axis, narrowing) = (to - from, r - s);
             let square = axis.length_squared() - narrowing * narrowing;
@@ -176,7 +226,8 @@ fn point(mesh: &Mesh, curves: &Curves, hit: &Hit, near: DVec3, direction: DVec3)
         }
         CurveSegments::Cubic(list) => {
             let points = list[index].map(|i| i as usize);
-            let curve = RoundCubic { points: points.map(|i| mesh.positions[i]), radii: points.map(|i| radii[i]) };
+            let balls = points.map(ball);
+            let curve = RoundCubic { points: balls.map(|(point, _)| point), radii: balls.map(|(_, radius)| radius) };
             let ([x, y, z, radius], [dx, dy, dz, _]) = curve.ball(u);
             let v = 1.0 - u;
             let weights = [v * v * v, 3.0 * u * v * v, 3.0 * u * u * v, u * u * u];
@@ -184,10 +235,7 @@ fn point(mesh: &Mesh, curves: &Curves, hit: &Hit, near: DVec3, direction: DVec3)
             ((DVec3::new(x, y, z), radius), DVec3::new(dx, dy, dz), weights)
         }
     };
-    let (center, radius) = ball;
-    let color = mesh.colors.as_ref().map_or([1.0; 4], |colors| {
-        std::array::from_fn(|k| weights.iter().map(|&(i, weight)| f64::from(colors[i][k]) * weight).sum::<f64>() as f32)
-    });
+    let color = mixed_color(mesh, &weights);
     let right = direction.cross(slope).normalize_or_zero();
     if *shape == CurveShape::Ribbon {
         let off = near - center;

@@ -289,27 +289,35 @@ impl<'a> Surfaces<'a> {
     /// Whether the material at a hit is hair.
     pub(crate) fn is_hair(&self, hit: &Hit) -> bool {
         let mesh = &self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize];
-        mesh.curves.is_some() && self.material(mesh.material_of(hit.primitive.0)).hair.is_some()
+        mesh.curves.is_some() && !mesh.has_patches() && self.material(mesh.material_of(hit.primitive.0)).hair.is_some()
     }
 
     /// Whether the material at a hit is single-sided, or may be where `all` are, see [`hit_filter::is_single_sided`].
     pub(crate) fn is_single_sided(&self, hit: &Hit, all: bool) -> bool {
         // Fast path.
-        if !(all || self.is_single_sided[hit.instance.0 as usize]) || self.is_curve(hit) {
+        if !(all || self.is_single_sided[hit.instance.0 as usize]) {
             return false;
         }
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let mesh = &self.scene.meshes[instance.mesh.0 as usize];
+        if mesh.curves.is_some() && !mesh.has_patches() {
+            return false;
+        }
         hit_filter::is_single_sided(self.material(mesh.material_of(hit.primitive.0)), all)
     }
 
-    /// The point at a hit, and the normal of any length on the front side, the one from which the triangle is counter-clockwise in
+    /// The point at a hit on a triangle or a patch, and the normal of any length on the front side, the one from which it is counter-clockwise in
     /// object space. World space.
     pub(crate) fn face(&self, hit: &Hit, time: f32) -> (DVec3, DVec3) {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let placement = &self.placements[hit.instance.0 as usize];
-        let triangle = HitTriangle::new(&self.scene.meshes[instance.mesh.0 as usize], hit, time);
         let pose = placement.pose(time);
+        let mesh = &self.scene.meshes[instance.mesh.0 as usize];
+        if let Some((position, normal)) = curve::point_of_patch(mesh, hit, time) {
+            let outward = pose.normal_world(normal) * if placement.is_mirrored() { -1.0 } else { 1.0 };
+            return (pose.point_world(position), outward);
+        }
+        let triangle = HitTriangle::new(mesh, hit, time);
         let placed = PlacedTriangle::new(triangle, &pose, placement.is_mirrored());
         // A mirroring transform reverses the winding.
         (placed.position(), if placement.is_mirrored() { -placed.winding } else { placed.winding })
@@ -371,7 +379,14 @@ fn max_coordinate(mesh: &Mesh) -> f32 {
     };
     let of_curves = mesh.curves.iter().flat_map(|curves| {
         let indices = curves.segments.indices().iter().map(|&i| i as usize);
-        indices.map(|i| mesh.positions[i].iter().fold(0.0, |most: f32, x| most.max(x.abs())) + curves.radii[i])
+        let greatest = |point: [f32; 3]| point.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        indices.map(move |i| {
+            let at_close = mesh
+                .close
+                .as_ref()
+                .map_or(0.0, |close| greatest(close.positions[i]) + close.radii.as_ref().unwrap_or(&curves.radii)[i]);
+            (greatest(mesh.positions[i]) + curves.radii[i]).max(at_close)
+        })
     });
     of_curves
         .fold(reach(&mesh.positions), f32::max)

@@ -4,7 +4,7 @@ use canted_film::Pixel;
 use canted_obb::Affine;
 use canted_renderer::{BvhKind, Cone, Integrator, Levels, PrepareError, SceneBvh, SceneBvhConfig, Settings, Surfaces};
 use canted_scene::{CurveSegments, CurveShape, Curves, Mesh, MeshClose, Scene};
-use canted_trace::{Intersect as _, Ray};
+use canted_trace::{Intersect as _, Ray, position_at};
 
 use super::common::{
     Vector, camera, cuboid, dot, film_of, floor, gray, mesh, place, prepared, rays_from_all_around, scene, settings,
@@ -124,12 +124,6 @@ fn colors_of_points_are_mixed() {
 #[test]
 fn curves_and_triangles_are_under_one_top() {
     let tube = curves(vec![[-3.0, 1.0, 0.0], [3.0, 1.0, 0.0]], vec![0.5; 2], CurveSegments::Linear(vec![[0, 1]]));
-    let close = MeshClose { positions: tube.positions.clone(), normals: None, tangents: None };
-    let moving = scene(vec![Mesh { close: Some(close), ..tube.clone() }], vec![gray(0.5)]);
-    for levels in [Levels::One, Levels::Two] {
-        let config = SceneBvhConfig { levels, ..SceneBvhConfig::default() };
-        assert_eq!(SceneBvh::build(&moving, &config).err(), Some(PrepareError::MovingCurves));
-    }
     let stage = scene(vec![floor(10.0, 0.0, 0), tube, cuboid([4.0, 0.0, -1.0], [5.0, 1.0, 1.0], 0)], vec![gray(0.5)]);
     let bvh = prepared(&stage, Levels::One);
     let hit = |x: f32| {
@@ -140,4 +134,79 @@ fn curves_and_triangles_are_under_one_top() {
     assert_eq!(stage.bounds_world().max, [10.0, 1.5, 10.0]);
     let config = SceneBvhConfig { kind: BvhKind::KdTree, ..SceneBvhConfig::default() };
     assert_eq!(SceneBvh::build(&stage, &config).err(), Some(PrepareError::Curves));
+}
+
+/// The same mesh, with points and radii at a time between those of the mesh and those at shutter close.
+fn at_time(mesh: &Mesh, time: f32) -> Mesh {
+    let mut now = mesh.clone();
+    let close = now.close.take().expect("it moves");
+    let curves = now.curves.as_mut().expect("curves");
+    for (point, close) in now.positions.iter_mut().zip(&close.positions) {
+        *point = position_at(point, close, time);
+    }
+    for (radius, close) in curves.radii.iter_mut().zip(close.radii.as_ref().expect("radii")) {
+        [*radius, ..] = position_at(&[*radius; 3], &[*close; 3], time);
+    }
+    now
+}
+
+/// At each time, hits and surfaces are those of curves that do not move: tubes, ribbons and patches, below an instance that is not the identity.
+#[test]
+fn moving_curves_are_those_of_the_time_of_a_ray() {
+    let arch = vec![[-1.0, 0.0, 0.0], [-0.5, 1.0, 0.2], [0.5, 1.0, -0.2], [1.0, 0.0, 0.0]];
+    let lifted =
+        |points: &[[f32; 3]]| points.iter().map(|&[x, y, z]| [x * 0.8, y + 0.9 * x, z + 0.7]).collect::<Vec<_>>();
+    let sheet: Vec<[f32; 3]> =
+        (0..16).map(|k| [(k / 4) as f32 - 1.5, (k % 4) as f32 - 1.5, 0.3 * (k % 3) as f32]).collect();
+    let moving = |positions: Vec<[f32; 3]>, segments: CurveSegments, shape: CurveShape| {
+        let radii: Vec<f32> = (0..positions.len()).map(|i| 0.2 + 0.05 * i as f32).collect();
+        let close = MeshClose {
+            positions: lifted(&positions),
+            radii: Some(radii.iter().map(|radius| 1.5 * radius).collect()),
+            ..MeshClose::default()
+        };
+        let tubes = curves(positions, radii, segments);
+        Mesh { curves: tubes.curves.map(|curves| Curves { shape, ..curves }), close: Some(close), ..tubes }
+    };
+    let straight = || CurveSegments::Linear(vec![[0, 1], [1, 2], [2, 3]]);
+    let cubic = || CurveSegments::Cubic(vec![[0, 1, 2, 3]]);
+    let patch = || CurveSegments::Patches(vec![std::array::from_fn(|k| k as u32)]);
+    let shapes = [
+        moving(arch.clone(), straight(), CurveShape::Tube),
+        moving(arch.clone(), cubic(), CurveShape::Tube),
+        moving(arch.clone(), straight(), CurveShape::Ribbon),
+        moving(arch, cubic(), CurveShape::Ribbon),
+        moving(sheet, patch(), CurveShape::Tube),
+    ];
+    let map = Affine { columns: [[0.8, 0.1, 0.0], [0.0, 1.1, 0.0], [0.0, 0.0, 1.0], [0.1, 0.2, 0.0]] };
+    for shape in shapes {
+        let placed = |mesh: Mesh| {
+            let mut stage = scene(vec![mesh], vec![gray(0.5)]);
+            stage.instances = vec![place(0, map)];
+            stage
+        };
+        let stage = placed(shape.clone());
+        let (bvh, surfaces) = (prepared(&stage, Levels::Auto), Surfaces::new(&stage));
+        let (mut n_hits, mut n_other) = (0, 0);
+        for time in [0.0, 0.3, 1.0] {
+            let still = placed(at_time(&shape, time));
+            let (still_bvh, still_surfaces) = (prepared(&still, Levels::Auto), Surfaces::new(&still));
+            for ray in rays_from_all_around(300).map(|ray| ray.at_time(time)) {
+                let hit = bvh.closest_hit(&ray);
+                assert_eq!(hit, still_bvh.closest_hit(&ray), "{time} {ray:?}");
+                n_other += usize::from(bvh.closest_hit(&ray.at_time(time + 0.4)) != hit);
+                let Some(hit) = hit else { continue };
+                n_hits += 1;
+                let [a, b] = [&surfaces, &still_surfaces].map(|all| all.at_ray(&hit, &ray, Cone::ZERO));
+                assert_eq!((a.position, a.normal, a.along), (b.position, b.normal, b.along));
+                assert!(a.offset >= b.offset);
+            }
+        }
+        assert!(n_hits > 100 && n_other > 50, "{n_hits} hits, {n_other} others at another time");
+        let bounds = stage.bounds_world();
+        for time in [0.0, 1.0] {
+            let at = placed(at_time(&shape, time)).bounds_world();
+            assert!((0..3).all(|k| bounds.min[k] <= at.min[k] && at.max[k] <= bounds.max[k]), "{time}");
+        }
+    }
 }

@@ -15,6 +15,7 @@ mod hybrid;
 mod light;
 mod microfacet;
 mod motion;
+mod patches;
 mod path;
 mod render;
 mod ribbons;

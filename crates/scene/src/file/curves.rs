@@ -4,8 +4,8 @@ use serde::de::{self, Deserialize, Deserializer, SeqAccess, Visitor};
 use serde_spanned::Spanned;
 
 use super::tables::{Fraction, In, Point, Source};
-use super::writer::{TomlWriter, number, numbers, quoted};
-use crate::{CurveSegments, CurveShape, Curves, Material, Mesh, ReadError};
+use super::writer::{TomlWriter, number, numbers, quoted, vectors};
+use crate::{CurveSegments, CurveShape, Curves, Material, Mesh, MeshClose, ReadError};
 
 /// How the points of a curve make its segments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
@@ -96,6 +96,10 @@ pub struct CurveTable {
     pub points: Vec<[f32; 3]>,
     /// The radius at each point; one for all, where there is one.
     pub radii: Vec<f32>,
+    /// The points at shutter close, as many, for curves whose points move; those above are at shutter open.
+    pub close_points: Option<Vec<[f32; 3]>>,
+    /// The radii at shutter close: one for each point, or one for all.
+    pub close_radii: Option<Vec<f32>>,
     /// How points make segments.
     pub basis: CurveBasis,
     /// Round, or flat; half the width of ribbons is the radius.
@@ -142,7 +146,7 @@ impl<'de> Visitor<'de> for RadiiVisitor {
 }
 
 /// A reflectance.
-type Rgb = In<[f32; 3], Fraction>;
+pub(super) type Rgb = In<[f32; 3], Fraction>;
 
 /// The keys of a table.
 #[derive(serde::Deserialize)]
@@ -152,6 +156,8 @@ pub(super) struct CurveRows {
     name: String,
     points: Spanned<Vec<Point>>,
     radii: Spanned<Radii>,
+    close_points: Option<Spanned<Vec<Point>>>,
+    close_radii: Option<Spanned<Radii>>,
     #[serde(default)]
     basis: CurveBasis,
     #[serde(default)]
@@ -163,27 +169,18 @@ pub(super) struct CurveRows {
 
 pub(super) fn read(table: Spanned<CurveRows>, source: &Source<'_>) -> Result<CurveTable, ReadError> {
     let line = source.line(table.span().start);
-    let CurveRows { name, points, radii, basis, shape, color, colors, material } = table.into_inner();
-    let (points_at, radii_at) = (points.span().start, radii.span().start);
+    let CurveRows { name, points, radii, close_points, close_radii, basis, shape, color, colors, material } =
+        table.into_inner();
+    let points_at = points.span().start;
     let points: Vec<[f32; 3]> = points.into_inner().into_iter().map(|point| point.0).collect();
-    let Radii(radii) = radii.into_inner();
     let n = points.len();
     if basis.n_segments(n).is_none() {
         let message = format!("{n} points in [[curves]] of the basis {}: expected {}", basis.name(), basis.expected());
         return Err(source.error(points_at, message));
     }
-    if radii.len() != n && radii.len() != 1 {
-        let message =
-            format!("{} radii for {n} points in [[curves]]: expected one number, or one for each point", radii.len());
-        return Err(source.error(radii_at, message));
-    }
-    // Every other one of a list may be a derivative, which has any sign.
-    let step = if basis == CurveBasis::Hermite && radii.len() > 1 { 2 } else { 1 };
-    let is_wrong =
-        |(k, radius): &(usize, f32)| !(0.0..f32::INFINITY).contains(radius) && k % step == 0 || !radius.is_finite();
-    if let Some((k, radius)) = radii.iter().copied().enumerate().find(is_wrong) {
-        return Err(source.error(radii_at, format!("radius {k} in [[curves]] is {radius}: expected 0 or more")));
-    }
+    let radii = read_radii(radii, n, basis, "radii", source)?;
+    let close_points = read_close(close_points, n, "curves", source)?;
+    let close_radii = close_radii.map(|radii| read_radii(radii, n, basis, "close_radii", source)).transpose()?;
     let colors = colors.map(|colors| {
         let at = colors.span().start;
         let colors: Vec<[f32; 3]> = colors.into_inner().into_iter().map(|color| color.0).collect();
@@ -194,6 +191,8 @@ pub(super) fn read(table: Spanned<CurveRows>, source: &Source<'_>) -> Result<Cur
         name,
         points,
         radii,
+        close_points,
+        close_radii,
         basis,
         shape,
         color: color.map(|color| color.0),
@@ -203,59 +202,106 @@ pub(super) fn read(table: Spanned<CurveRows>, source: &Source<'_>) -> Result<Cur
     })
 }
 
+/// The radii of `n` points, by the key `key`.
+fn read_radii(
+    radii: Spanned<Radii>,
+    n: usize,
+    basis: CurveBasis,
+    key: &str,
+    source: &Source<'_>,
+) -> Result<Vec<f32>, ReadError> {
+    let at = radii.span().start;
+    let Radii(radii) = radii.into_inner();
+    if radii.len() != n && radii.len() != 1 {
+        let message =
+            format!("{} {key} for {n} points in [[curves]]: expected one number, or one for each point", radii.len());
+        return Err(source.error(at, message));
+    }
+    // Every other one of a list may be a derivative, which has any sign.
+    let step = if basis == CurveBasis::Hermite && radii.len() > 1 { 2 } else { 1 };
+    let is_wrong =
+        |(k, radius): &(usize, f32)| !(0.0..f32::INFINITY).contains(radius) && k % step == 0 || !radius.is_finite();
+    match radii.iter().copied().enumerate().find(is_wrong) {
+        Some((k, radius)) => Err(source.error(at, format!("radius {k} in [[curves]] is {radius}: expected 0 or more"))),
+        None => Ok(radii),
+    }
+}
+
+/// The positions of `n` points at shutter close in a table of this name, if they move.
+pub(super) fn read_close(
+    points: Option<Spanned<Vec<Point>>>,
+    n: usize,
+    table: &str,
+    source: &Source<'_>,
+) -> Result<Option<Vec<[f32; 3]>>, ReadError> {
+    let Some(points) = points else { return Ok(None) };
+    let at = points.span().start;
+    let points: Vec<[f32; 3]> = points.into_inner().into_iter().map(|point| point.0).collect();
+    if points.len() == n {
+        return Ok(Some(points));
+    }
+    Err(source.error(at, format!("{} close_points for {n} points in [[{table}]]: expected as many", points.len())))
+}
+
 impl CurveTable {
     /// The mesh of the curves, without parts.
     pub(super) fn mesh(&self) -> Mesh {
         let n = self.points.len();
-        let (basis, shape) = (self.basis, self.shape);
-        let radius = |i: usize| match (&self.radii[..], basis) {
+        let [step, length] = self.basis.step_and_length();
+        let (positions, radii) = self.controls(&self.points, &self.radii);
+        let close = (self.close_points.is_some() || self.close_radii.is_some()).then(|| {
+            let points = self.close_points.as_ref().unwrap_or(&self.points);
+            let (positions, radii) = self.controls(points, self.close_radii.as_ref().unwrap_or(&self.radii));
+            MeshClose { positions, radii: Some(radii), ..MeshClose::default() }
+        });
+        let rgba = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
+        let colors = self.colors.as_ref().map(|colors| match self.basis {
+            CurveBasis::Linear => colors.iter().copied().map(rgba).collect(),
+            _ => self.beziers(colors).map(|color| rgba(color.map(|x| x.clamp(0.0, 1.0)))).collect(),
+        });
+        let n_segments = self.basis.n_segments(n).unwrap_or(0) as u32;
+        let segments = match self.basis {
+            CurveBasis::Linear => CurveSegments::Linear((0..n_segments).map(|i| [i, i + step as u32]).collect()),
+            _ => {
+                let length = length as u32;
+                CurveSegments::Cubic((0..n_segments).map(|i| [0, 1, 2, 3].map(|k| length * i + k)).collect())
+            }
+        };
+        Mesh {
+            name: if self.name.is_empty() { "curves".to_owned() } else { self.name.clone() },
+            positions,
+            colors,
+            curves: Some(Curves { radii, segments, shape: self.shape }),
+            close,
+            ..Mesh::default()
+        }
+    }
+
+    /// Positions and radii of the mesh: the points themselves, or the control points of each segment.
+    fn controls(&self, points: &[[f32; 3]], radii: &[f32]) -> (Vec<[f32; 3]>, Vec<f32>) {
+        let radius = |i: usize| match (radii, self.basis) {
             // A constant radius has no derivative.
             ([_], CurveBasis::Hermite) if i % 2 == 1 => 0.0,
             ([radius], _) => *radius,
             (radii, _) => radii[i],
         };
-        let rgba = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
-        let name = if self.name.is_empty() { "curves".to_owned() } else { self.name.clone() };
-        if basis == CurveBasis::Linear {
-            let segments = (0..n.saturating_sub(1) as u32).map(|i| [i, i + 1]).collect();
-            return Mesh {
-                name,
-                positions: self.points.clone(),
-                colors: self.colors.as_ref().map(|colors| colors.iter().copied().map(rgba).collect()),
-                curves: Some(Curves {
-                    radii: (0..n).map(radius).collect(),
-                    segments: CurveSegments::Linear(segments),
-                    shape,
-                }),
-                ..Mesh::default()
-            };
+        let radii: Vec<f32> = (0..points.len()).map(radius).collect();
+        if self.basis == CurveBasis::Linear {
+            return (points.to_vec(), radii);
         }
-        let (mut positions, mut radii, mut colors, mut segments) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let [step, _] = basis.step_and_length();
-        for segment in 0..basis.n_segments(n).unwrap_or(0) {
-            let of = |value: &dyn Fn(usize) -> f32| {
-                basis.bezier([0, 1, 2, 3].map(|k| value(segment * step + k).into())).map(|x| x as f32)
-            };
-            let first = positions.len() as u32;
-            let axes = [0, 1, 2].map(|axis| of(&|i| self.points[i][axis]));
-            // Splines through points may have control values below zero; the bounds of a segment are those of its control balls.
-            let own_radii = of(&radius).map(|radius| radius.max(0.0));
-            positions.extend((0..4).map(|k| axes.map(|axis| axis[k])));
-            radii.extend(own_radii);
-            if let Some(all) = &self.colors {
-                let channels = [0, 1, 2].map(|channel| of(&|i| all[i][channel]).map(|x| x.clamp(0.0, 1.0)));
-                colors.extend((0..4).map(|k| rgba(channels.map(|channel| channel[k]))));
-            }
-            segments.push([0, 1, 2, 3].map(|k| first + k));
-        }
-        let colors = self.colors.as_ref().map(|_| colors);
-        Mesh {
-            name,
-            positions,
-            colors,
-            curves: Some(Curves { radii, segments: CurveSegments::Cubic(segments), shape }),
-            ..Mesh::default()
-        }
+        let radii: Vec<[f32; 1]> = radii.into_iter().map(|radius| [radius]).collect();
+        // Splines through points may have control values below zero; the bounds of a segment are those of its control balls.
+        (self.beziers(points).collect(), self.beziers(&radii).map(|[radius]| radius.max(0.0)).collect())
+    }
+
+    /// The Bézier control values of all segments, number by number.
+    fn beziers<'a, const N: usize>(&'a self, values: &'a [[f32; N]]) -> impl Iterator<Item = [f32; N]> + 'a {
+        let [step, _] = self.basis.step_and_length();
+        (0..self.basis.n_segments(values.len()).unwrap_or(0)).flat_map(move |segment| {
+            let of = |k: usize| self.basis.bezier([0, 1, 2, 3].map(|i| values[segment * step + i][k].into()));
+            let axes: [[f64; 4]; N] = std::array::from_fn(of);
+            [0, 1, 2, 3].map(|i| axes.map(|axis| axis[i] as f32))
+        })
     }
 
     /// The material of curves that name none.
@@ -267,8 +313,8 @@ impl CurveTable {
 
 /// Writes a table.
 pub(super) fn write(table: &CurveTable, out: &mut TomlWriter) {
-    let CurveTable { name, points, radii, basis, shape, color, colors, material, line: _ } = table;
-    let vectors = |list: &[[f32; 3]]| format!("[{}]", list.iter().map(|v| numbers(v)).collect::<Vec<_>>().join(", "));
+    let CurveTable { name, points, radii, close_points, close_radii, basis, shape, color, colors, material, line: _ } =
+        table;
     out.heading("[[curves]]");
     if !name.is_empty() {
         out.entry("name", &quoted(name), "");
@@ -278,9 +324,16 @@ pub(super) fn write(table: &CurveTable, out: &mut TomlWriter) {
         out.entry("shape", &quoted(shape.name()), "tube, ribbon");
     }
     out.entry("points", &vectors(points), "");
-    match &radii[..] {
-        [radius] => out.entry("radii", &number(*radius), "of all points"),
-        radii => out.entry("radii", &numbers(radii), ""),
+    let mut write_radii = |key: &str, radii: &[f32]| match radii {
+        [radius] => out.entry(key, &number(*radius), "of all points"),
+        radii => out.entry(key, &numbers(radii), ""),
+    };
+    write_radii("radii", radii);
+    if let Some(radii) = close_radii {
+        write_radii("close_radii", radii);
+    }
+    if let Some(points) = close_points {
+        out.entry("close_points", &vectors(points), "as the shutter closes");
     }
     if let Some(color) = color {
         out.entry("color", &numbers(color), "linear RGB");

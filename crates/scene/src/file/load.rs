@@ -12,9 +12,7 @@ use canted_obb::Affine;
 use super::placement::after;
 use super::read::unknown;
 use super::tables::error_at;
-use super::{
-    Asset, AssetInstance, AssetSource, CurveTable, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile,
-};
+use super::{Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile};
 use crate::read::quoted;
 use crate::{
     Encoding, Environment, EnvironmentImage, Instance, Material, MaterialId, Mesh, MeshId, Part, ReadError,
@@ -186,7 +184,12 @@ impl SceneFile {
             assembly.add(asset, names.contains(&asset.name[..]))?;
         }
         placed.iter().for_each(|instance| assembly.add_instance(instance));
-        self.curves.iter().try_for_each(|curves| assembly.add_curves(curves))?;
+        for table in &self.curves {
+            assembly.add_curves(table.mesh(), table.own_material(), table.material.as_ref(), table.line)?;
+        }
+        for table in &self.patches {
+            assembly.add_curves(table.mesh(), table.own_material(), table.material.as_ref(), table.line)?;
+        }
         assembly.change_materials()?;
         assembly.add_new_materials()?;
         let scene = &mut assembly.scene;
@@ -362,17 +365,22 @@ impl<'a> Assembly<'a> {
         }
     }
 
-    /// Adds curves as a mesh with one instance.
-    fn add_curves(&mut self, table: &'a CurveTable) -> Result<(), ReadError> {
-        let too_many = || error_at(&self.file.path, table.line, "too many segments of curves (limit: 2^32)");
+    /// Adds the curves or patches of a table as a mesh with one instance; `material_name` is that of a new one, in place of `plain`.
+    fn add_curves(
+        &mut self,
+        own: Mesh,
+        plain: Material,
+        material_name: Option<&'a String>,
+        line: usize,
+    ) -> Result<(), ReadError> {
+        let too_many = || error_at(&self.file.path, line, "too many segments of curves (limit: 2^32)");
         let mesh = u32::try_from(self.scene.meshes.len()).map_err(|_| too_many())?;
         let material = u32::try_from(self.scene.materials.len()).map_err(|_| too_many())?;
-        let own = table.mesh();
         let n = u32::try_from(own.n_primitives()).ok().and_then(|n| self.n_primitives.checked_add(n));
         let next = n.ok_or_else(too_many)?;
-        match &table.material {
+        match material_name {
             Some(name) => self.material_overrides.push((self.scene.meshes.len()..self.scene.meshes.len() + 1, name)),
-            None => self.scene.materials.push(table.own_material()),
+            None => self.scene.materials.push(plain),
         }
         self.scene.meshes.push(Mesh { parts: vec![Part { first_triangle: 0, material: MaterialId(material) }], ..own });
         self.scene.instances.push(Instance {
@@ -445,7 +453,9 @@ impl<'a> Assembly<'a> {
                 None => mesh.uvs.is_none(),
             };
             if let Some(mesh) = meshes.find(lacks) {
-                let why = if mesh.curves.is_some() {
+                let why = if mesh.has_patches() {
+                    "is made of patches, which have no normal maps"
+                } else if mesh.curves.is_some() {
                     "is made of curves, which have no normal maps"
                 } else {
                     "has no texture coordinates"

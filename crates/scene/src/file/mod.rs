@@ -1,7 +1,7 @@
 //! Scene files in TOML: assets, instances, camera, lights, environment, materials, render settings.
 //!
 //! ```text
-//! text -> tables {curves, light, material, placement} -> read -> SceneFile -> load -> Scene
+//! text -> tables {curves, patches, light, material, placement} -> read -> SceneFile -> load -> Scene
 //! SceneFile -> write -> text
 //! ```
 
@@ -9,6 +9,7 @@ mod curves;
 mod light;
 mod load;
 mod material;
+mod patches;
 mod placement;
 mod read;
 mod tables;
@@ -23,6 +24,7 @@ use crate::{Camera, Light, Scene};
 pub use curves::{CurveBasis, CurveTable};
 pub use light::EnvironmentSource;
 pub use material::MaterialEdits;
+pub use patches::PatchTable;
 pub use placement::Placement;
 pub use tables::{closest_match, suggestion};
 
@@ -68,6 +70,8 @@ pub struct SceneFile {
     pub instances: Option<Vec<AssetInstance>>,
     /// Curves, each of them an instance after those of the assets.
     pub curves: Vec<CurveTable>,
+    /// Patches, each table an instance after those of the curves.
+    pub patches: Vec<PatchTable>,
     /// The camera; `None`: that of the assets.
     pub camera: Option<Camera>,
     /// Lights; `None`: those of the assets; empty: none.

@@ -11,6 +11,7 @@ use serde_spanned::Spanned;
 use super::curves::{self, CurveRows};
 use super::light::{self, EnvironmentTable, LightTable};
 use super::material::MaterialTable;
+use super::patches::{self, PatchRows};
 use super::placement::{self, CameraTable, Matrix, PlacementTable};
 use super::tables::{
     Direction, FileName, Finite, Folders, In, NotNegative, NotZero, OptionText, Point, Source, closest_match,
@@ -49,8 +50,18 @@ impl SceneFile {
         let text = with_line_feeds(text);
         let source = Source::new(path, &text);
         let document: Document = source.read()?;
-        let Document { assets, instances, curves, camera, lights, environment, materials, overrides, settings } =
-            document;
+        let Document {
+            assets,
+            instances,
+            curves,
+            patches,
+            camera,
+            lights,
+            environment,
+            materials,
+            overrides,
+            settings,
+        } = document;
         let each = |instances: Vec<_>| instances.into_iter().map(|table| instance(table, &source)).collect();
         let mut settings: Vec<(String, Spanned<OptionText>)> = settings.into_iter().collect();
         settings.sort_by_key(|(_, value)| value.span().start);
@@ -60,6 +71,7 @@ impl SceneFile {
             assets: assets.into_iter().map(|table| asset(table, &source)).collect::<Result<_, _>>()?,
             instances: instances.map(each).transpose()?,
             curves: curves.into_iter().map(|table| curves::read(table, &source)).collect::<Result<_, _>>()?,
+            patches: patches.into_iter().map(|table| patches::read(table, &source)).collect::<Result<_, _>>()?,
             camera: camera.map(|table| placement::camera(&table, &source)).transpose()?,
             lights: lights
                 .map(|lights| lights.into_iter().map(|table| light::light(table, &source)).collect())
@@ -93,6 +105,8 @@ impl SceneFile {
         }
         let used = self.assets.iter().filter_map(|asset| Some((asset.material.as_ref()?, asset.line)));
         let used = used.chain(self.curves.iter().filter_map(|curves| Some((curves.material.as_ref()?, curves.line))));
+        let used =
+            used.chain(self.patches.iter().filter_map(|patches| Some((patches.material.as_ref()?, patches.line))));
         if let Some((name, line)) = used.into_iter().find(|(name, _)| !materials.contains(&&name[..])) {
             return fail(line, unknown("material", name, materials));
         }
@@ -124,6 +138,7 @@ struct Document {
     assets: Vec<Spanned<AssetTable>>,
     instances: Option<Vec<Spanned<InstanceTable>>>,
     curves: Vec<Spanned<CurveRows>>,
+    patches: Vec<Spanned<PatchRows>>,
     camera: Option<Spanned<CameraTable>>,
     lights: Option<Vec<LightTable>>,
     environment: Option<Spanned<EnvironmentTable>>,

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::writer::{TomlWriter, number, quoted};
-use super::{Asset, AssetInstance, AssetSource, SceneFile, Setting, curves, light, placement};
+use super::{Asset, AssetInstance, AssetSource, SceneFile, Setting, curves, light, patches, placement};
 
 /// The first line of what [`SceneFile::to_toml`] writes.
 const FIRST_LINE: &str =
@@ -50,6 +50,7 @@ impl SceneFile {
         self.assets.iter().for_each(|asset| write_asset(asset, &mut out));
         self.instances.iter().flatten().for_each(|instance| write_instance(instance, &mut out));
         self.curves.iter().for_each(|table| curves::write(table, &mut out));
+        self.patches.iter().for_each(|table| patches::write(table, &mut out));
         for material in &self.materials {
             out.heading("[[materials]]");
             out.entry("name", &quoted(&material.name), "new material; assets refer to it by name");

@@ -57,6 +57,11 @@ pub(super) fn numbers(numbers: &[f32]) -> String {
     format!("[{}]", numbers.iter().map(|&x| number(x)).collect::<Vec<_>>().join(", "))
 }
 
+/// An array of arrays of numbers.
+pub(super) fn vectors(list: &[[f32; 3]]) -> String {
+    format!("[{}]", list.iter().map(|vector| numbers(vector)).collect::<Vec<_>>().join(", "))
+}
+
 /// A quoted and escaped string.
 pub(super) fn quoted(text: &str) -> String {
     let mut quoted = String::from('"');

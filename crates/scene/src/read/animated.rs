@@ -135,7 +135,7 @@ fn join(open: &mut Scene, close: Scene) -> Result<(), &'static str> {
     for (mesh, later) in open.meshes.iter_mut().zip(close.meshes) {
         if mesh.positions != later.positions {
             let Mesh { positions, normals, tangents, .. } = later;
-            mesh.close = Some(MeshClose { positions, normals, tangents });
+            mesh.close = Some(MeshClose { positions, normals, tangents, radii: None });
         }
     }
     for (instance, later) in open.instances.iter_mut().zip(close.instances) {

@@ -522,3 +522,41 @@ fn curves_of_scene_files_that_are_wrong_are_errors() {
         "{error}"
     );
 }
+
+/// Points and radii at shutter close make the same segments, in every basis, and are written as read.
+#[test]
+fn curves_of_scene_files_move() {
+    let points = |x: f32| format!("[[{x}, 0, 0], [3, 0, 0], [6, 0, 0], [9, 0, 0]]");
+    for basis in ["linear", "bezier", "bspline", "catmull-rom", "hermite"] {
+        let table = |keys: &str| format!("[[curves]]\nbasis = \"{basis}\"\n{keys}");
+        let moving = table(&format!(
+            "points = {}\nradii = 0.5\nclose_points = {}\nclose_radii = [1, 1, 1, 0.25]\n",
+            points(0.0),
+            points(-3.0)
+        ));
+        let scene = scene_file(&moving).unwrap();
+        let at_close = scene_file(&table(&format!("points = {}\nradii = [1, 1, 1, 0.25]\n", points(-3.0)))).unwrap();
+        let close = scene.meshes[0].close.as_ref().expect("it moves");
+        assert_eq!(close.positions, at_close.meshes[0].positions, "{basis}");
+        assert_eq!(close.radii.as_ref(), Some(&at_close.meshes[0].curves.as_ref().unwrap().radii), "{basis}");
+        let again = canted_scene::SceneFile::parse(moving.as_bytes(), "a.toml".as_ref()).unwrap().to_toml();
+        assert_eq!(scene_file(&again).unwrap().meshes[0].close, scene.meshes[0].close, "{again}");
+        assert!(scene.bounds_world().max[0] >= 6.0 && scene.has_motion());
+    }
+    // One of both; and what is wrong.
+    let two = "[[curves]]\npoints = [[0, 0, 0], [1, 0, 0]]\nradii = 0.5\n";
+    let close = |key: &str| scene_file(&format!("{two}{key}")).map(|scene| scene.meshes[0].close.clone());
+    let radii_alone = close("close_radii = 1").unwrap().unwrap();
+    assert_eq!((radii_alone.positions[1], radii_alone.radii), ([1.0, 0.0, 0.0], Some(vec![1.0; 2])));
+    let points_alone = close("close_points = [[0, 0, 1], [1, 0, 1]]").unwrap().unwrap();
+    assert_eq!((points_alone.positions[1], points_alone.radii), ([1.0, 0.0, 1.0], Some(vec![0.5; 2])));
+    assert_eq!(close("").unwrap(), None);
+    for (key, words) in [
+        ("close_points = [[0, 0, 1]]", "1 close_points for 2 points in [[curves]]: expected as many"),
+        ("close_radii = [1, 2, 3]", "3 close_radii for 2 points"),
+        ("close_radii = -1", "radius 0 in [[curves]] is -1: expected 0 or more"),
+    ] {
+        let message = close(key).unwrap_err().to_string();
+        assert!(message.contains(words), "{message}");
+    }
+}

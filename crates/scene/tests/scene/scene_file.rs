@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use canted_scene::{
-    AlphaMode, Camera, EnvironmentSource, Lens, Light, Material, Placement, Projection, ReadError, Scene, SceneFile,
+    AlphaMode, Camera, CurveSegments, Curves, EnvironmentSource, Lens, Light, Material, Placement, Projection,
+    ReadError, Scene, SceneFile,
 };
 use proptest::prelude::*;
 
@@ -497,6 +498,53 @@ fn curves_have_textures_but_no_normal_maps() {
         ),
         "{message}"
     );
+}
+
+/// Sixteen points for each patch; they are instances after those of curves, are written as read, and have textures but no normal maps.
+#[test]
+fn patches_have_sixteen_points() {
+    let points = |n: usize| {
+        let all: Vec<String> = (0..n).map(|k| format!("[{}, {}, {}]", k / 4, k % 4, k / 16)).collect();
+        format!("points = [{}]\n", all.join(", "))
+    };
+    let text = format!(
+        "[[patches]]\n{}color = [1, 0, 0]\n[[patches]]\nname = \"a\"\nmaterial = \"m\"\n{}[[materials]]\nname = \"m\"\n\
+         [[curves]]\npoints = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n",
+        points(32),
+        points(16)
+    );
+    let file = parse(&text).unwrap();
+    let scene = file.load().unwrap();
+    let firsts: Vec<u32> = scene.instances.iter().map(|instance| instance.first_primitive).collect();
+    assert_eq!((firsts, scene.n_placed_segments()), (vec![0, 1, 3], 4));
+    let Some(Curves { segments: CurveSegments::Patches(list), radii, .. }) = &scene.meshes[1].curves else {
+        panic!("patches")
+    };
+    assert_eq!((list.len(), list[1][5], &radii[..]), (2, 21, &[0.0; 32][..]));
+    assert_eq!(scene.meshes[1].positions[21], [5.0, 1.0, 1.0]);
+    assert_eq!((scene.meshes[1].strands().len(), scene.meshes[1].strand_coordinates()), (2, vec![[0.0, 1.0]; 2]));
+    let color = |mesh: usize| scene.materials[scene.meshes[mesh].material_of(0).0 as usize].base_color;
+    assert_eq!(color(1), [1.0, 0.0, 0.0]);
+    let again = parse(&file.to_toml()).unwrap().load().unwrap();
+    assert_eq!(again.meshes[1].positions, scene.meshes[1].positions);
+    assert_eq!(again.meshes[2].curves, scene.meshes[2].curves);
+    for (text, words) in [
+        (points(15), "15 points in [[patches]]: expected 16 for each patch"),
+        (points(0), "0 points"),
+        (format!("{}colors = [[1, 0, 0]]", points(16)), "1 colors for 16 points"),
+        (format!("{}radii = 1", points(16)), "radii"),
+        (format!("{}material = 'x'", points(16)), "unknown material 'x'"),
+        (points(16).replace("[1, 1, 0]", "[1, nan, 0]"), "expected an array of 3 numbers (finite)"),
+    ] {
+        let message = parse(&format!("[[patches]]\n{text}")).unwrap_err().to_string();
+        assert!(message.to_lowercase().contains(words), "{message}");
+    }
+    let folder = folder();
+    image::RgbImage::new(1, 1).save(folder.path().join("t.png")).unwrap();
+    let text =
+        format!("[[patches]]\n{}material = 'm'\n[[materials]]\nname = 'm'\nnormal_texture = 't.png'", points(16));
+    let message = SceneFile::parse(text.as_bytes(), &folder.path().join("s.toml")).unwrap().load().unwrap_err();
+    assert!(message.to_string().ends_with("mesh 'patches' is made of patches, which have no normal maps"), "{message}");
 }
 
 #[test]
