@@ -21,19 +21,21 @@ use crate::{ScaledRay, Side};
 /// ```
 ///
 /// # Guarantee
-/// Patches that share the four control points of an edge, in either order, are watertight there: a ray does not pass between them. If each edge of
-/// a set of patches is shared by two of them, or is one point (a collapsed edge), a line has as many hits from the front as from the back: exactly, whatever the
-/// roundings, at every scale and distance. The sum is that of all hits, those that share a `t` included; see below.
+/// Patches that share the four control points of an edge, in either order, are watertight there: a ray does not pass between them.
+/// If each edge of a set of patches is shared by two of them, or is one point (a collapsed edge), a line has as many hits from the
+/// front as from the back: exactly, whatever the roundings, at every scale and distance. The sum is that of all hits, those that
+/// share a `t` included; see below.
 ///
-/// What that means at silhouettes: two hits cancel, and both are missed, where seen along the ray the surface around them is in a strip whose width is
-/// 2^-24 of the extent of the patch. A patch that the ray sees edge-on, flat patches in its plane included, is not hit.
+/// What that means at silhouettes: two hits cancel, and both are missed, where seen along the ray the surface around them is in a
+/// strip whose width is 2^-24 of the extent of the patch. A patch that the ray sees edge-on, flat patches in its plane included, is
+/// not hit.
 ///
-/// A patch may intersect itself, may be folded, and its control points may coincide. A ray hits it up to 18 times. Hits at the same `t` are reported
-/// one rounding of `f32` apart, the sixth and later ones not at all.
+/// A patch may intersect itself, may be folded, and its control points may coincide. A ray hits it up to 18 times. Hits at the same
+/// `t` are reported one rounding of `f32` apart, the sixth and later ones not at all.
 ///
 /// # Error
-/// Each coordinate of `o + t·d` is within 13·2^-24 of the greatest `|x - o|∞` of control points `x` of some point of the patch, mostly within two: half a
-/// rounding of `t`, four roundings where hits share a `t`, and the size of the smallest parts: 3·2^-24.
+/// Each coordinate of `o + t·d` is within 10·2^-24 of the greatest `|x - o|∞` of control points `x` of some point of the patch,
+/// mostly within two: half a rounding of `t`, four roundings where hits share a `t`, and less than 2^-24 for the smallest parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BezierPatch {
     /// Control points, in the space of the rays: `points[i][j]` with `i` along `u` and `j` along `v`.
@@ -60,7 +62,7 @@ const THIN: f64 = 1.0 / (1 << 24) as f64;
 const NEAR: f64 = 1.0 / (1 << 28) as f64;
 
 /// Parts of this extent, relative to that of the patch, are a point.
-const POINT: f64 = 1.0 / (1 << 26) as f64;
+const POINT: f64 = 1.0 / (1 << 28) as f64;
 
 /// Hits that are kept: a line meets the surface 18 times at most, so others are due to roundings.
 const MAX_HITS: usize = 24;
@@ -97,7 +99,8 @@ struct Part {
 }
 
 impl Part {
-    /// Both halves along the parameter with the longer steps across the first axes, if it can be halved, else along the other. `None` for the smallest parts.
+    /// Both halves along the parameter with the longer steps across the first axes, if it can be halved, else along the other.
+    /// `None` for the smallest parts.
     fn halves(&self, n_axes: usize) -> Option<[Self; 2]> {
         let [of_u, of_v] = self.net.steps(n_axes);
         let k = usize::from(of_v > of_u);
@@ -140,9 +143,10 @@ impl BezierPatch {
     /// The first hit in `ray.t_min..=t_max`.
     ///
     /// # Method
-    /// All in f64, from differences of control points and origin, sheared so that the line is an axis. A part that the line passes on one side of its control points is
-    /// skipped. In others the line is counted by the winding of the boundary: see `patch_part`. Parts that lines parallel to the ray pass at most once are solved by
-    /// Newton's method, parts that are too thin to be seen are decided by the winding alone, all else is halved.
+    /// All in f64, from differences of control points and origin, sheared so that the line is an axis. A part that the line passes
+    /// on one side of its control points is skipped. In others the line is counted by the winding of the boundary: see
+    /// `patch_part`. Parts that lines parallel to the ray pass at most once are solved by Newton's method, parts that are too thin
+    /// to be seen are decided by the winding alone, all else is halved.
     #[doc(hidden)]
     #[inline(always)]
     #[must_use]
@@ -198,8 +202,8 @@ impl BezierPatch {
         all
     }
 
-    /// The unit normal of the front at parameters in 0..=1. Where the surface has none, at a collapsed edge or a cusp, that a little nearer to the middle of the
-    /// patch; `None` where it has none there either.
+    /// The unit normal of the front at parameters in 0..=1. Where the surface has none, at a collapsed edge or a cusp, that a
+    /// little nearer to the middle of the patch; `None` where it has none there either.
     #[must_use]
     pub fn normal(&self, at: [f64; 2]) -> Option<Vector> {
         // Each step to the middle is sixteen times as long as the one before, at first below the precision of parameters.

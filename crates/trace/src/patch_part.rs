@@ -1,18 +1,20 @@
 //! Parts of a bicubic patch in the frame of a ray, whose line is the third axis: two coordinates across the line, one along it.
 //!
 //! # Windings
-//! The boundary of a part, seen along the line, winds around the line as often as the line passes through the part from one side, less how often it does from the
-//! other. It is counted on polylines: each edge of a part is halved [`MAX_LEVEL`] times in all, from the edge of the patch or the line of equal parameters
-//! on which it lies. Halving takes means of two numbers, in f64, so that
+//! The boundary of a part, seen along the line, winds around the line as often as the line passes through the part from one side,
+//! less how often it does from the other. It is counted on polylines: each edge of a part is halved [`MAX_LEVEL`] times in all,
+//! from the edge of the patch or the line of equal parameters on which it lies. Halving takes means of two numbers, in f64, so that
 //!
-//! - a mean is between both numbers, whatever the rounding: what all control points of an edge have in common with respect to a coordinate, all vertices of its polyline have;
+//! - a mean is between both numbers, whatever the rounding: what all control points of an edge have in common with respect to a
+//!   coordinate, all vertices of its polyline have;
 //! - a mean does not depend on the order of both: an edge that is read backward has the same vertices;
-//! - halving a part halves its edges as curves: parts on both sides of an edge have the same vertices there, however often each is halved, and so have
-//!   patches that share the four control points of an edge.
+//! - halving a part halves its edges as curves: parts on both sides of an edge have the same vertices there, however often each is
+//!   halved, and so have patches that share the four control points of an edge.
 //!
-//! A polyline is counted where it crosses the half-axis `y = 0, x > 0`. A vertex with `y = 0` is above it. Whether a piece passes the line on the right is the sign of one
-//! difference of two products, which changes if the piece is read backward, and is zero then, too. So the numbers of both readings are each other's
-//! negatives, the numbers of the halves of a part sum to that of the part, and those of patches that form a closed surface sum to zero: exactly.
+//! A polyline is counted where it crosses the half-axis `y = 0, x > 0`. A vertex with `y = 0` is above it. Whether a piece passes
+//! the line on the right is the sign of one difference of two products, which changes if the piece is read backward, and is zero
+//! then, too. So the numbers of both readings are each other's negatives, the numbers of the halves of a part sum to that of the
+//! part, and those of patches that form a closed surface sum to zero: exactly.
 //!
 //! Source: the degree of a map, as in Kronecker 1869; de Casteljau 1959.
 
@@ -21,9 +23,9 @@ pub(crate) type Row = [f64; 4];
 
 /// Most halvings of a patch in each direction.
 ///
-/// The differences of neighboring control points are halved each time, so after as many in both directions the control points of a part differ
-/// by at most `6·2^-28` of the extent of those of the patch, in each coordinate.
-pub(crate) const MAX_LEVEL: u32 = 28;
+/// The differences of neighboring control points are halved each time, so after as many in both directions the control points of a
+/// part differ by at most `6·2^-30` of the extent of those of the patch, in each coordinate.
+pub(crate) const MAX_LEVEL: u32 = 30;
 
 /// Control points of a part: for each axis of the frame of the ray, rows of the first parameter.
 #[derive(Clone, Copy)]
@@ -168,9 +170,10 @@ impl Net {
 
     /// Whether a line parallel to that of the ray passes through the part at most once.
     ///
-    /// Let `U` and `V` be the mean differences along both parameters, across the line. In coordinates along `U` and `V` the part is simple if each difference of
-    /// neighbors along the first parameter has a greater part along `U`, positive, than along `V`, and each along the second one the other way round: between
-    /// two points of the part the map changes by `a·p + b·q` with such `p` and `q`, means of differences, which are linearly independent.
+    /// Let `U` and `V` be the mean differences along both parameters, across the line. In coordinates along `U` and `V` the part is
+    /// simple if each difference of neighbors along the first parameter has a greater part along `U`, positive, than along `V`, and
+    /// each along the second one the other way round: between two points of the part the map changes by `a·p + b·q` with such `p`
+    /// and `q`, means of differences, which are linearly independent.
     pub(crate) fn is_simple(&self) -> bool {
         let [x, y, _] = &self.axes;
         let along = |rows: &[Row; 4]| {
@@ -247,8 +250,8 @@ impl Net {
         Jet { value: dot(&value), by_u: dot(&slope), by_v }
     }
 
-    /// Where the line passes through a simple part, by Newton's steps from the middle; `None` where they do not end at a point nearer to the line
-    /// than `error`, in both coordinates.
+    /// Where the line passes through a simple part, by Newton's steps from the middle; `None` where they do not end at a point
+    /// nearer to the line than `error`, in both coordinates.
     pub(crate) fn crossing(&self, error: f64) -> Option<Crossing> {
         let mut at = [0.5; 2];
         for _ in 0..MAX_STEPS {

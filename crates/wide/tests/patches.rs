@@ -434,7 +434,8 @@ fn degenerate_patches_are_missed() {
     }
 }
 
-/// The loop over all patches gives the same bits with every preset and path: of usual size, far away, and tiny; saved, loaded and refitted, too.
+/// The loop over all patches gives the same bits with every preset and path: of usual size, far away, and tiny; saved, loaded and
+/// refitted, too.
 #[test]
 fn hits_do_not_depend_on_the_bvh() {
     let mut rng = SplitMix64::new(13);

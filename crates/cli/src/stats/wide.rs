@@ -6,7 +6,7 @@ use anyhow::Result;
 use canted_lbvh::stages::{self, Stage};
 use canted_obb::{Affine, Obb};
 use canted_renderer::{BottomLevel, SceneBvh, SceneBvhConfig};
-use canted_scene::{Instance, MeshId, Scene};
+use canted_scene::{Instance, Mesh, MeshId, Scene};
 use canted_trace::Intersect as _;
 use canted_wide::{LeafPrimitive, NodeKind, Preset, SimdPath, TriangleBvh, WideBvh};
 use serde_json::{Value, json};

@@ -10,7 +10,7 @@ use canted_obb::round::{down, up};
 use canted_trace::ReferencePoint;
 
 /// See the module.
-const EXTENT_ERROR: f64 = 4.0 * f64::EPSILON;
+pub(super) const EXTENT_ERROR: f64 = 4.0 * f64::EPSILON;
 
 /// The interval of `direction·x` over all points within `radius` of `points`, of their convex hull too; rounded outward.
 ///
@@ -88,40 +88,6 @@ fn greatest_of_quarters(whole: [f64; 4]) -> f64 {
         }
     }
     greatest
-}
-
-/// As [`extent_of_points`], over a bicubic patch, given its control points: of the four quarters of the patch, whose hulls are tighter than that of its own.
-///
-/// Six means follow one another, each with a rounding: the error covers them, too.
-pub(super) fn extent_of_patch(points: &[[[f32; 3]; 4]; 4], direction: [f32; 3]) -> [f32; 2] {
-    let d = direction.map(f64::from);
-    let (mut heights, mut size) = ([[0.0; 4]; 4], 0.0_f64);
-    for i in 0..4 {
-        for j in 0..4 {
-            let terms: [f64; 3] = std::array::from_fn(|k| d[k] * f64::from(points[i][j][k]));
-            heights[i][j] = terms[0] + terms[1] + terms[2];
-            size = size.max(terms[0].abs() + terms[1].abs() + terms[2].abs());
-        }
-    }
-    let error = 4.0 * EXTENT_ERROR * size;
-    let (mut lo, mut hi) = (f64::MAX, f64::MIN);
-    // Halves along one parameter are rows of seven, of which the middle one is in both.
-    let columns: [[f64; 7]; 4] = std::array::from_fn(|j| both_halves(std::array::from_fn(|i| heights[i][j])));
-    for row in 0..7 {
-        for height in both_halves(std::array::from_fn(|j| columns[j][row])) {
-            lo = lo.min(height);
-            hi = hi.max(height);
-        }
-    }
-    [down(lo - error), up(hi + error)]
-}
-
-/// The control values of both halves of a cubic polynomial; the one in the middle is in both.
-fn both_halves([a, b, c, d]: [f64; 4]) -> [f64; 7] {
-    let mid = |a: f64, b: f64| 0.5 * (a + b);
-    let (ab, bc, cd) = (mid(a, b), mid(b, c), mid(c, d));
-    let (abc, bcd) = (mid(ab, bc), mid(bc, cd));
-    [a, ab, abc, mid(abc, bcd), bcd, cd, d]
 }
 
 /// The interval of `direction·x` over a box, rounded outward.

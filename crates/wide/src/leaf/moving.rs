@@ -1,11 +1,13 @@
 //! Primitives whose points and radii move in straight lines while the shutter is open.
 //!
 //! # No lost hit
-//! At the time of a ray the primitive has the numbers that lie between both ends, as [`position_at`](canted_trace::position_at) states. A ball whose center and
-//! radius are between those of two balls, in real arithmetic, is in their convex hull; so an interval around both along a direction contains it at all times, and so
-//! do the control hulls of curves, ribbons and patches, which are convex hulls of balls or points. Rounding moves a number by at most `(2^-24 + 2^-50)·r`, with r the greatest
-//! absolute number, which is at most that of both bounds: a center by √3 times that along any direction, a radius by as much as a number. Together this is less than
-//! `3·2^-24·r + 2^-147`, which is added to the intervals and to the bounds. A hit has the error of the primitive at that time, relative to points of the bounds.
+//! At the time of a ray the primitive has the numbers that lie between both ends, as [`position_at`](canted_trace::position_at)
+//! states. A ball whose center and radius are between those of two balls, in real arithmetic, is in their convex hull; so an
+//! interval around both along a direction contains it at all times, and so do the control hulls of curves, ribbons and patches,
+//! which are convex hulls of balls or points. Rounding moves a number by at most `(2^-24 + 2^-50)·r`, with r the greatest absolute
+//! number of points and radii: a center by √3 times that along any direction, a radius by as much as a number, and a point of a curve
+//! or patch by as much as its control points. Together this is less than `3·2^-24·r + 2^-147`, which is added to the intervals and to
+//! the bounds. A hit has the error of the primitive at that time, relative to points of the bounds.
 //!
 //! Source: Glassner 1988 for boxes that hold at all times, as in `query::moving`.
 
@@ -20,6 +22,11 @@ pub trait Moves: Primitive + Copy + sealed::Sealed {
     /// The primitive at a time of the shutter, each number as [`position_at`](canted_trace::position_at) computes a coordinate.
     #[must_use]
     fn between(open: &Self, close: &Self, time: f32) -> Self;
+
+    /// The greatest absolute coordinate of points that bound it, or radius.
+    #[doc(hidden)]
+    #[must_use]
+    fn greatest(&self) -> f32;
 }
 
 /// A primitive that moves in straight lines from `open` to `close`, as the shutter does.
@@ -53,6 +60,13 @@ mod sealed {
 /// See the module.
 const ROUNDING: f32 = 2.0 * f32::EPSILON;
 
+impl<P: Moves> Moving<P> {
+    /// More than roundings move what is between both ends.
+    fn rounding(&self) -> f64 {
+        f64::from(ROUNDING * self.open.greatest().max(self.close.greatest()) + f32::MIN_POSITIVE)
+    }
+}
+
 impl<P: Moves> Primitive for Moving<P> {
     const ERROR: f32 = P::ERROR;
     const IS_LOCAL: bool = P::IS_LOCAL;
@@ -67,7 +81,7 @@ impl<P: Moves> Primitive for Moving<P> {
             return Aabb { min: [f32::NAN; 3], max: [f32::NAN; 3] };
         }
         let both = a.union(b);
-        let rounding = f64::from(ROUNDING * both.reach() + f32::MIN_POSITIVE);
+        let rounding = self.rounding();
         Aabb {
             min: both.min.map(|x| down(f64::from(x) - rounding)),
             max: both.max.map(|x| up(f64::from(x) + rounding)),
@@ -76,8 +90,7 @@ impl<P: Moves> Primitive for Moving<P> {
 
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
         let [a, b] = [self.open.extent_along(direction), self.close.extent_along(direction)];
-        let reach = self.open.bounds().union(self.close.bounds()).reach();
-        let rounding = f64::from(ROUNDING * reach + f32::MIN_POSITIVE);
+        let rounding = self.rounding();
         [down(f64::from(a[0].min(b[0])) - rounding), up(f64::from(a[1].max(b[1])) + rounding)]
     }
 
@@ -104,6 +117,11 @@ impl<P: Moves + SavedPrimitive> SavedPrimitive for Moving<P> {
     }
 }
 
+/// The greatest absolute number.
+fn greatest(points: &[[f32; 3]], radii: &[f32]) -> f32 {
+    points.as_flattened().iter().chain(radii).fold(0.0, |greatest, x| greatest.max(x.abs()))
+}
+
 /// Points at a time.
 #[inline(always)]
 fn points_at<const N: usize>(open: &[[f32; 3]; N], close: &[[f32; 3]; N], time: f32) -> [[f32; 3]; N] {
@@ -117,6 +135,10 @@ fn points_at<const N: usize>(open: &[[f32; 3]; N], close: &[[f32; 3]; N], time: 
 impl sealed::Sealed for Sphere {}
 
 impl Moves for Sphere {
+    fn greatest(&self) -> f32 {
+        greatest(&[self.center], &[self.radius])
+    }
+
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
         let [radius] = numbers_at(&[open.radius], &[close.radius], time);
@@ -127,6 +149,10 @@ impl Moves for Sphere {
 impl sealed::Sealed for RoundSegment {}
 
 impl Moves for RoundSegment {
+    fn greatest(&self) -> f32 {
+        greatest(&self.ends, &self.radii)
+    }
+
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
         Self { ends: points_at(&open.ends, &close.ends, time), radii: numbers_at(&open.radii, &close.radii, time) }
@@ -136,6 +162,10 @@ impl Moves for RoundSegment {
 impl sealed::Sealed for RoundCubic {}
 
 impl Moves for RoundCubic {
+    fn greatest(&self) -> f32 {
+        greatest(&self.points, &self.radii)
+    }
+
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
         Self {
@@ -148,6 +178,10 @@ impl Moves for RoundCubic {
 impl sealed::Sealed for RibbonSegment {}
 
 impl Moves for RibbonSegment {
+    fn greatest(&self) -> f32 {
+        greatest(&self.ends, &self.radii)
+    }
+
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
         Self {
@@ -161,6 +195,10 @@ impl Moves for RibbonSegment {
 impl sealed::Sealed for RibbonCubic {}
 
 impl Moves for RibbonCubic {
+    fn greatest(&self) -> f32 {
+        greatest(&self.points, &self.radii)
+    }
+
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
         Self {
@@ -174,6 +212,10 @@ impl Moves for RibbonCubic {
 impl sealed::Sealed for BezierPatch {}
 
 impl Moves for BezierPatch {
+    fn greatest(&self) -> f32 {
+        greatest(self.points.as_flattened(), &[])
+    }
+
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
         let mut points = open.points;
