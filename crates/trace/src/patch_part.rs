@@ -149,10 +149,10 @@ impl Net {
     pub(crate) fn steps(&self, n_axes: usize) -> [f64; 2] {
         let (mut of_u, mut of_v) = (0.0_f64, 0.0_f64);
         for rows in &self.axes[..n_axes] {
-            for i in 0..4 {
+            for (i, row) in rows.iter().enumerate() {
                 for j in 0..3 {
                     of_u = of_u.max((rows[j + 1][i] - rows[j][i]).abs());
-                    of_v = of_v.max((rows[i][j + 1] - rows[i][j]).abs());
+                    of_v = of_v.max((row[j + 1] - row[j]).abs());
                 }
             }
         }
@@ -178,9 +178,9 @@ impl Net {
         let [x, y, _] = &self.axes;
         let along = |rows: &[Row; 4]| {
             let (mut u, mut v) = (0.0, 0.0);
-            for i in 0..4 {
+            for (i, row) in rows.iter().enumerate() {
                 u += rows[3][i] - rows[0][i];
-                v += rows[i][3] - rows[i][0];
+                v += row[3] - row[0];
             }
             [u, v]
         };

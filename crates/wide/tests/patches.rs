@@ -299,7 +299,7 @@ fn lines(surface: &[BezierPatch], rng: &mut SplitMix64, n: usize) -> Vec<Ray> {
         }
         let [mut target, by_u, by_v] = patch.at(at);
         let mut from = rng.on_sphere();
-        if i % 3 == 0 {
+        if i.is_multiple_of(3) {
             // At a silhouette, off it by a little.
             let normal = cross(by_u, by_v);
             let tangent = cross(normal, from);
@@ -308,12 +308,12 @@ fn lines(surface: &[BezierPatch], rng: &mut SplitMix64, n: usize) -> Vec<Ray> {
                 let off = size * [0.0, 1e-12, -1e-9, 1e-7, -1e-7, 1e-5][i / 3 % 6];
                 target = std::array::from_fn(|k| target[k] + off * normal[k] / length(normal));
             }
-        } else if i % 7 == 0 {
+        } else if i.is_multiple_of(7) {
             from = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.6, 0.8, 0.0]][i / 7 % 4];
         }
         let origin: [f32; 3] = std::array::from_fn(|k| (target[k] + 60.0 * size * from[k]) as f32);
         let to_target = |k: usize| (target[k] - f64::from(origin[k])) as f32;
-        let direction = if i % 2 == 0 { std::array::from_fn(to_target) } else { from.map(|x| -x as f32) };
+        let direction = if i.is_multiple_of(2) { std::array::from_fn(to_target) } else { from.map(|x| -x as f32) };
         Ray::new(origin, direction)
     };
     (0..n).map(line).filter(|ray| ScaledRay::new(ray).is_some()).collect()

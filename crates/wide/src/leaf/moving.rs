@@ -125,9 +125,9 @@ fn greatest(points: &[[f32; 3]], radii: &[f32]) -> f32 {
 /// Points at a time.
 #[inline(always)]
 fn points_at<const N: usize>(open: &[[f32; 3]; N], close: &[[f32; 3]; N], time: f32) -> [[f32; 3]; N] {
-    let mut points = [[0.0; 3]; N];
-    for i in 0..N {
-        points[i] = numbers_at(&open[i], &close[i], time);
+    let mut points = *open;
+    for (point, close) in points.iter_mut().zip(close) {
+        *point = numbers_at(point, close, time);
     }
     points
 }
@@ -218,10 +218,7 @@ impl Moves for BezierPatch {
 
     #[inline(always)]
     fn between(open: &Self, close: &Self, time: f32) -> Self {
-        let mut points = open.points;
-        for i in 0..4 {
-            points[i] = points_at(&open.points[i], &close.points[i], time);
-        }
-        Self { points }
+        let ([a, b, c, d], [e, f, g, h]) = (&open.points, &close.points);
+        Self { points: [points_at(a, e, time), points_at(b, f, time), points_at(c, g, time), points_at(d, h, time)] }
     }
 }

@@ -34,10 +34,10 @@ fn extent_of_patch(points: &[[[f32; 3]; 4]; 4], direction: [f32; 3]) -> [f32; 2]
     }
     let error = 4.0 * EXTENT_ERROR * size;
     let (mut lo, mut hi) = (f64::MAX, f64::MIN);
-    // Halves along one parameter are rows of seven, of which the middle one is in both.
-    let columns: [[f64; 7]; 4] = std::array::from_fn(|j| both_halves(std::array::from_fn(|i| heights[i][j])));
-    for row in 0..7 {
-        for height in both_halves(std::array::from_fn(|j| columns[j][row])) {
+    // Seven columns of both halves along one parameter, of which the middle one is in both.
+    let rows = heights.map(both_halves);
+    for j in 0..7 {
+        for height in both_halves(rows.map(|row| row[j])) {
             lo = lo.min(height);
             hi = hi.max(height);
         }
