@@ -168,6 +168,11 @@ fn volumes_of(bvhs: &[BottomLevel]) -> String {
             BottomLevel::Cubics(bvh) => add(bvh.sizes().nodes, bvh.frame()),
             BottomLevel::Ribbons(bvh) => add(bvh.sizes().nodes, bvh.frame()),
             BottomLevel::CubicRibbons(bvh) => add(bvh.sizes().nodes, bvh.frame()),
+            BottomLevel::Patches(bvh) => add(bvh.sizes().nodes, bvh.frame()),
+            BottomLevel::MovingCurves(bvh) => {
+                let (sizes, frame) = bvh.sizes_and_frame();
+                add(sizes.nodes, frame);
+            }
         }
     }
     let n: usize = nodes.iter().sum();
