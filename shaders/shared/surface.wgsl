@@ -635,7 +635,7 @@ fn bsdf_of(surface: Surface) -> Bsdf {
 // Materials with all parameters and textures, and hair on curves.
 // use shared/surface
 // use shared/surface/parameters
-// use shared/curve/along
+// use shared/surface_curve/along
 // use shared/fiber
 // use shared/sampling
 

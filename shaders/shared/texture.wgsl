@@ -200,7 +200,7 @@ fn world_edges(lookup: TextureLookup) -> mat2x3<f32> {
 
 // choice coordinates/curves
 // Coordinates of triangles, and of curves along their strands and across; the first and the last vertex of a curve are equal.
-// use shared/curve/along
+// use shared/surface_curve/along
 
 fn uv_of_lookup(slot: u32, lookup: TextureLookup) -> vec2<f32> {
     return uv_of_alpha(slot, lookup.vertices, lookup.weights);

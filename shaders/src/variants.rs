@@ -33,7 +33,7 @@ pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
     let fills = |slot: &str| {
         let mut parts = parts(slot);
         let reads_surfaces = |part: &str| {
-            part.starts_with("shared/curve/") || part.starts_with("shared/mask/") && part != "shared/mask/none"
+            part.starts_with("shared/surface_curve/") || part.starts_with("shared/mask/") && part != "shared/mask/none"
         };
         parts.retain(|part| !only_traces || !reads_surfaces(part));
         parts

@@ -150,7 +150,7 @@ impl Geometry {
     }
 }
 
-/// The segments of curves whose points start at vertex `base`, without materials, in the form of `shared/curve/shapes/curves`: radii and the part of the
+/// The segments of curves whose points start at vertex `base`, without materials, in the form of `shared/surface_curve/shapes/curves`: radii and the part of the
 /// strand in place of normal and area. There are none for curves that devices do not trace.
 fn packed_segments(mesh: &Mesh, Curves { radii, segments, .. }: &Curves, base: u32) -> Vec<PackedTriangle> {
     let CurveSegments::Linear(list) = segments else { return vec![] };

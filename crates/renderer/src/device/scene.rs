@@ -181,7 +181,7 @@ impl PackedScene {
             (false, true) => "shared/mask/faces",
             (true, true) => "shared/mask/both",
         };
-        let shapes = pick(curves, "shared/curve/shapes/curves", "shared/surface/shapes/triangles");
+        let shapes = pick(curves, "shared/surface_curve/shapes/curves", "shared/surface/shapes/triangles");
         let chosen = chosen
             .part("shapes", shapes)
             .part("placed", placed)
@@ -189,7 +189,7 @@ impl PackedScene {
             .part("mask", mask)
             .number("STRIDE", self.columns.stride)
             .number("COLOR", self.columns.color);
-        let exits = pick(hair, "shared/curve/exits/hair", "shared/segment/exits/kept");
+        let exits = pick(hair, "shared/surface_curve/exits/hair", "shared/segment/exits/kept");
         let chosen = if curves { chosen.part("exits", exits) } else { chosen };
         let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
         let chosen = if normal_maps { chosen.number("TANGENT", self.columns.tangent) } else { chosen };

@@ -7,7 +7,7 @@
 // choice shapes/curves
 // Scenes of triangles and of round segments.
 // use shared/surface
-// use shared/curve/along
+// use shared/surface_curve/along
 
 /// The surface at a hit of a ray with this cone at its origin.
 fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
