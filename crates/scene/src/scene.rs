@@ -137,7 +137,7 @@ pub struct MeshClose {
     pub normals: Option<Vec<[f32; 3]>>,
     /// As [`Mesh::tangents`].
     pub tangents: Option<Vec<[f32; 4]>>,
-    /// As [`Curves::radii`]; `None` if they do not change.
+    /// As [`Curves::radii`], and as many; `None` if they do not change.
     pub radii: Option<Vec<f32>>,
 }
 

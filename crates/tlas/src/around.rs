@@ -42,7 +42,8 @@ impl Around {
         Self { levels }
     }
 
-    /// The instance `i` had these bounds and has changed, or was added after all others with empty ones. Others that have changed may be told later.
+    /// The instance `i` had these bounds and has changed, or was added after all others with empty ones. Of several that have changed, this is called for one
+    /// after another.
     pub(crate) fn update(&mut self, mut i: usize, old: &Bounds, bounds: &[Bounds]) {
         let (mut old, mut new) = (boxes_of(old), boxes_of(&bounds[i]));
         for level in 0.. {

@@ -208,7 +208,8 @@ impl Top {
         } else if is_wide && changed.len() <= bounds.len() / FEW {
             changed.iter().for_each(|(i, old)| self.change(*i, old, bounds, config, path));
         } else {
-            others.iter().for_each(|(i, old)| self.change(*i, old, bounds, config, path));
+            // The boxes around all instances are found anew there.
+            others.iter().for_each(|(i, _)| self.place(*i, bounds, config, path));
             self.refit((bounds, obbs), config, path);
         }
     }
@@ -238,9 +239,18 @@ impl Top {
         changes
     }
 
-    /// One instance of a wide top level has other bounds; it gets a place, or loses it.
+    /// One instance of a wide top level has others than these bounds.
     fn change(&mut self, i: u32, old: &Bounds, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
-        let Self { classes, reference, changes: Some(Changes { places, around }), boxes } = self else { return };
+        self.place(i, bounds, config, path);
+        if let Some(Changes { around, .. }) = &mut self.changes {
+            around.update(i as usize, old, bounds);
+            self.boxes = around.all();
+        }
+    }
+
+    /// One instance of a wide top level has other bounds; it gets a place, or loses it.
+    fn place(&mut self, i: u32, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+        let Self { classes, reference, changes: Some(Changes { places, .. }), .. } = self else { return };
         let new = &bounds[i as usize];
         let is_taken = |class: &Class| !new.is_empty() && class.takes(new.error.per_origin.into());
         match places[i as usize].map(|place| (place, &mut classes[place.class as usize])) {
@@ -263,8 +273,6 @@ impl Top {
                 }
             }
         }
-        around.update(i as usize, old, bounds);
-        *boxes = around.all();
     }
 
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.

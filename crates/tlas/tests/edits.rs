@@ -309,6 +309,26 @@ fn a_scale_by_zero_hides_an_instance_until_it_moves() {
 }
 
 /// A mesh without triangles, and one that loses and gets them.
+/// Far more in one edit than there were, of which the last alone can be hit.
+#[test]
+fn many_hidden_instances_and_one_that_is_not_come_at_once() {
+    let at = |z: f32| Instance::new(0, Affine::translation([0.0, 0.0, z]));
+    let hidden = Instance::new(0, Affine::scale([0.0; 3]));
+    let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
+    let mut tlas = Tlas::new(vec![plate(0.0)], &[at(5.0); 10], TopConfig::default()).unwrap();
+    tlas.set_transform(InstanceId(0), Affine::translation([0.0, 0.0, 4.0])).unwrap();
+    let mut edit = tlas.edit();
+    for _ in 0..300 {
+        edit.insert(hidden).unwrap();
+    }
+    let near = edit.insert(at(3.0)).unwrap();
+    edit.refit();
+    assert_eq!(tlas.closest_hit(&ray).map(|hit| (hit.t, hit.instance)), Some((3.0, near)));
+    assert_eq!(ends_z(&tlas), [3.0, 5.0]);
+    tlas.remove(near).unwrap();
+    assert_eq!((tlas.closest_hit(&ray).map(|hit| hit.t), ends_z(&tlas)), (Some(4.0), [4.0, 5.0]));
+}
+
 #[test]
 fn instances_of_empty_meshes_have_no_bounds() {
     let none = || TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();

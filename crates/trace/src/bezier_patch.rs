@@ -34,7 +34,7 @@ use crate::{ScaledRay, Side};
 /// `t` are reported one rounding of `f32` apart, the sixth and later ones not at all.
 ///
 /// # Error
-/// Each coordinate of `o + t·d` is within 10·2^-24 of the greatest `|x - o|∞` of control points `x` of some point of the patch,
+/// Each coordinate of `o + t·d` is within 10·2^-24 of the greatest `|x - o|∞` over all control points `x`,
 /// mostly within two: half a rounding of `t`, four roundings where hits share a `t`, and less than 2^-24 for the smallest parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BezierPatch {

@@ -135,7 +135,7 @@ enum Levels<'a> {
 impl<'a> SceneInput<'a> {
     /// BVHs that the CPU built, which are uploaded: over triangles, or over round segments.
     ///
-    /// In a scene with segments the `u` of a hit is the position along the segment and its `v` is 0. Batches of rays leave to the CPU what single precision
+    /// In a scene with segments the `u` of a hit is the position along the segment and its `v` is 0, in kernels 1 where the ray leaves. Batches of rays leave to the CPU what single precision
     /// does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)); kernels that use `shared/traverse` take the answer of single precision, whose hits are within
     /// [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a segment that a ray enters less deep than that.
     #[must_use]

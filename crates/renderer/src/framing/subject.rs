@@ -126,7 +126,8 @@ impl Connected {
             let chord = |i: u32, k: u32| wide(mesh.positions[i as usize]).distance(wide(mesh.positions[k as usize]));
             let indices = curves.segments.indices().windows(2).map(|pair| chord(pair[0], pair[1]) * radius(pair[0]));
             // Patches have an area instead: about that of the square over the mean step of their control points.
-            let steps = curves.segments.indices().windows(2).map(|pair| chord(pair[0], pair[1]).powi(2));
+            let rows = curves.segments.indices().chunks(4);
+            let steps = rows.flat_map(|row| row.windows(2)).map(|pair| chord(pair[0], pair[1]).powi(2));
             areas.push(if is_surface { steps.sum() } else { indices.sum() });
             return Self { labels, areas };
         }

@@ -222,7 +222,11 @@ fn read_radii(
     let is_wrong =
         |(k, radius): &(usize, f32)| !(0.0..f32::INFINITY).contains(radius) && k % step == 0 || !radius.is_finite();
     match radii.iter().copied().enumerate().find(is_wrong) {
-        Some((k, radius)) => Err(source.error(at, format!("radius {k} in [[curves]] is {radius}: expected 0 or more"))),
+        Some((k, radius)) => {
+            let what = if key == "radii" { "radius" } else { "close radius" };
+            let expected = if k % step == 0 { "0 or more" } else { "a finite number" };
+            Err(source.error(at, format!("{what} {k} in [[curves]] is {radius}: expected {expected}")))
+        }
         None => Ok(radii),
     }
 }

@@ -373,7 +373,7 @@ impl<'a> Assembly<'a> {
         material_name: Option<&'a String>,
         line: usize,
     ) -> Result<(), ReadError> {
-        let too_many = || error_at(&self.file.path, line, "too many segments of curves (limit: 2^32)");
+        let too_many = || error_at(&self.file.path, line, "too many curves and patches (limit: 2^32 segments)");
         let mesh = u32::try_from(self.scene.meshes.len()).map_err(|_| too_many())?;
         let material = u32::try_from(self.scene.materials.len()).map_err(|_| too_many())?;
         let n = u32::try_from(own.n_primitives()).ok().and_then(|n| self.n_primitives.checked_add(n));

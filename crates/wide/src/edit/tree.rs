@@ -286,7 +286,7 @@ impl<'a, P: Primitive> Tree<'a, P> {
         self.links.free_nodes.push(node);
     }
 
-    /// Writes the boxes above a node in which one thing has changed, until nothing changes. Oriented boxes above depend on more than the
+    /// Writes the boxes above a node in which one thing has changed, came or went, until nothing changes. Oriented boxes above depend on more than the
     /// contents, on every primitive below: all of them become aligned.
     fn refit(&mut self, mut node: u32, mut change: Change) {
         loop {
