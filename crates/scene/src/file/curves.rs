@@ -336,9 +336,24 @@ pub(super) fn write(table: &CurveTable, out: &mut TomlWriter) {
     if let Some(radii) = close_radii {
         write_radii("close_radii", radii);
     }
-    if let Some(points) = close_points {
+    write_close(close_points.as_deref(), out);
+    write_colors(color.as_ref(), colors.as_deref(), material.as_deref(), out);
+}
+
+/// Writes the points as the shutter closes.
+pub(super) fn write_close(points: Option<&[[f32; 3]]>, out: &mut TomlWriter) {
+    if let Some(points) = points {
         out.entry("close_points", &vectors(points), "as the shutter closes");
     }
+}
+
+/// Writes the keys of the color and the material.
+pub(super) fn write_colors(
+    color: Option<&[f32; 3]>,
+    colors: Option<&[[f32; 3]]>,
+    material: Option<&str>,
+    out: &mut TomlWriter,
+) {
     if let Some(color) = color {
         out.entry("color", &numbers(color), "linear RGB");
     }

@@ -2,9 +2,9 @@
 
 use serde_spanned::Spanned;
 
-use super::curves::{Rgb, read_close};
+use super::curves::{Rgb, read_close, write_close, write_colors};
 use super::tables::{Point, Source};
-use super::writer::{TomlWriter, numbers, quoted, vectors};
+use super::writer::{TomlWriter, quoted, vectors};
 use crate::{CurveSegments, CurveShape, Curves, Material, Mesh, MeshClose, ReadError};
 
 /// Bicubic Bézier patches of a scene file.
@@ -97,16 +97,6 @@ pub(super) fn write(table: &PatchTable, out: &mut TomlWriter) {
         out.entry("name", &quoted(name), "");
     }
     out.entry("points", &vectors(points), "16 of each patch");
-    if let Some(points) = close_points {
-        out.entry("close_points", &vectors(points), "as the shutter closes");
-    }
-    if let Some(color) = color {
-        out.entry("color", &numbers(color), "linear RGB");
-    }
-    if let Some(colors) = colors {
-        out.entry("colors", &vectors(colors), "");
-    }
-    if let Some(material) = material {
-        out.entry("material", &quoted(material), "new material");
-    }
+    write_close(close_points.as_deref(), out);
+    write_colors(color.as_ref(), colors.as_deref(), material.as_deref(), out);
 }
