@@ -8,7 +8,7 @@
 use std::process::ExitCode;
 
 use canted_fixtures::device_tests::{self, Test};
-use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Limits, Outcome, TracedScene};
+use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Limits, Outcome, TracedScene, block_on};
 use canted_trace::{Hit, Ray};
 
 use crate::brute::{SQRT_3, distance};
@@ -17,7 +17,7 @@ pub use crate::brute::device_hit_error as error_of_instance;
 
 /// Runs the tests of a program.
 pub fn run_tests(tests: impl IntoIterator<Item = Vec<Test>>) -> ExitCode {
-    device_tests::run(Gpu::open(&Choice::Best), tests)
+    device_tests::run(block_on(Gpu::open(&Choice::Best)), tests)
 }
 
 /// The best adapter.
@@ -26,7 +26,7 @@ pub fn run_tests(tests: impl IntoIterator<Item = Vec<Test>>) -> ExitCode {
 /// There is none.
 #[must_use]
 pub fn gpu() -> Gpu {
-    Gpu::open(&Choice::Best).unwrap_or_else(|error| panic!("{error}"))
+    block_on(Gpu::open(&Choice::Best)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The best adapter with storage bindings limited to this many bytes.
@@ -36,7 +36,7 @@ pub fn gpu() -> Gpu {
 #[must_use]
 pub fn lowered(most: u64) -> Gpu {
     let lower = |limits| Limits { max_storage_buffer_binding_size: most, ..limits };
-    Gpu::with_limits(&Choice::Best, lower).unwrap_or_else(|error| panic!("{error}"))
+    block_on(Gpu::with_limits(&Choice::Best, lower)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 type Corners = [[f64; 3]; 3];
@@ -162,8 +162,8 @@ impl World<'_> {
         expected: &[Option<Hit>],
         tally: &mut Tally,
     ) -> Result<(), String> {
-        let hits = scene.closest_hits(gpu, rays).map_err(|error| error.to_string())?;
-        let occluded = scene.occluded(gpu, rays).map_err(|error| error.to_string())?;
+        let hits = block_on(scene.closest_hits(gpu, rays)).map_err(|error| error.to_string())?;
+        let occluded = block_on(scene.occluded(gpu, rays)).map_err(|error| error.to_string())?;
         assert_eq!([hits.len(), occluded.len(), expected.len()], [rays.len(); 3]);
         for (((ray, &on_cpu), hit), occluded) in rays.iter().zip(expected).zip(hits).zip(occluded) {
             self.check(ray, on_cpu, hit, tally)?;

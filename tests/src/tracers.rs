@@ -5,7 +5,7 @@ use std::{cell::Cell, rc::Rc};
 use canted_bih::{Bih, BihConfig, LeafSize};
 use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::Mesh;
-use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Outcome, SceneInput, TracedScene};
+use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Options, Outcome, Source, TracedScene, block_on};
 use canted_kdtree::{KdTraversal, KdTree, KdTreeConfig};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
@@ -116,7 +116,7 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
         }));
     }
     methods.push(Method::of_two("two-level wide", |mesh| wide(mesh, &Config::default())));
-    match Gpu::open(&Choice::Best) {
+    match block_on(Gpu::open(&Choice::Best)) {
         Ok(gpu) => methods.extend(device_methods(&Rc::new(gpu))),
         Err(error) => missing.push(format!("device ({error})")),
     }
@@ -136,7 +136,7 @@ pub fn two_levels() -> Vec<Method> {
         });
         methods.push(Method::new(format!("wide {}", path.name()), Guarantee::Loop, make));
     }
-    if let Ok(gpu) = Gpu::open(&Choice::Best) {
+    if let Ok(gpu) = block_on(Gpu::open(&Choice::Best)) {
         let [_, two] = device_methods(&Rc::new(gpu));
         methods.push(Method { name: "device".to_owned(), ..two });
     }
@@ -271,13 +271,15 @@ fn device_methods(gpu: &Rc<Gpu>) -> [Method; 2] {
     let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
     let one: Make = Box::new(move |mesh, placement| {
         let tree = wide(&baked(mesh, placement), &Config::default());
-        let scene = TracedScene::new(&of_one, SceneInput::upload([&tree])).expect("small meshes fit every device");
+        let scene = block_on(TracedScene::new(&of_one, Source::wide(&tree), Options::default()))
+            .expect("small meshes fit every device");
         Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
     });
     let two: Make = Box::new(move |mesh, placement| {
         let tree = wide(mesh, &Config::default());
-        let scene = TracedScene::new(&of_two, SceneInput::upload([&tree]).instances(&[Instance::new(0, *placement)]));
-        let scene = scene.expect("transforms in tests are well conditioned");
+        let placed = [Instance::new(0, *placement)];
+        let scene = block_on(TracedScene::new(&of_two, Source::tlas([&tree], &placed), Options::default()))
+            .expect("transforms in tests are well conditioned");
         let tree = Box::new(TwoLevels::new(tree, mesh, placement));
         Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
     });
@@ -307,7 +309,7 @@ impl Device {
 
 impl Tracer for Device {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device is not lost");
+        let answers = block_on(self.scene.closest_hits(&self.gpu, rays)).expect("the device is not lost");
         let known = |(answer, ray): (Outcome<Option<DeviceHit>>, &Ray)| match answer {
             Outcome::Incomplete => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
             Outcome::Complete(hit) => hit.map(|hit| Hit {
@@ -323,7 +325,7 @@ impl Tracer for Device {
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        let answers = self.scene.occluded(&self.gpu, rays).expect("the device is not lost");
+        let answers = block_on(self.scene.occluded(&self.gpu, rays)).expect("the device is not lost");
         let known = |(answer, ray): (Outcome<bool>, &Ray)| match answer {
             Outcome::Incomplete => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
             Outcome::Complete(found) => found,

@@ -6,7 +6,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_fixtures::SplitMix64;
 use canted_gpu::{
-    Buffer, BufferScene, Gpu, GpuError, IndexBuffer, MeshBuffers,
+    Buffer, BufferScene, Gpu, GpuError, IndexBuffer, MeshBuffers, block_on,
     build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES, Sorter, WideConfig},
     wgpu::{CommandEncoder, IndexFormat},
 };
@@ -94,12 +94,12 @@ fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &
     let upload = least(bench.rounds, || {
         let (corners, _) = lbvh::triangle_corners(positions, triangles)?;
         let items = Primitives::triangles(&bench.gpu, [&corners[..]])?;
-        bench.gpu.finish()?;
+        block_on(bench.gpu.finish())?;
         drop(items);
         Ok(())
     })?;
     let items = Primitives::triangles(&bench.gpu, [&corners[..]])?;
-    let passes = Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
+    let passes = block_on(Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds))?;
     let mut cells = vec![name.to_owned(), corners.len().to_string(), format!("{upload:.1}")];
     let known = [passes.domain, passes.codes, passes.sort, passes.tree].into_iter().chain(passes.boxes);
     cells.extend(known.map(|ms| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"))));
@@ -147,10 +147,11 @@ impl CompleteBuild {
 fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f64> {
     let once = |gpu: &Gpu| -> Result<f64> {
         let items = Primitives::triangles(gpu, [corners])?;
-        gpu.finish()?;
+        block_on(gpu.finish())?;
         let start = Instant::now();
-        let built = Built::new(&mut BuildEncoder::new(gpu), items, BuildConfig { bits: Bits::B63, strategy })?;
-        gpu.finish()?;
+        let built =
+            block_on(Built::new(&mut BuildEncoder::new(gpu), items, BuildConfig { bits: Bits::B63, strategy }))?;
+        block_on(gpu.finish())?;
         drop(built);
         Ok(milliseconds(start))
     };
@@ -262,14 +263,14 @@ pub(super) fn frames(out: &mut String, bench: &Bench) -> Result<()> {
             indices: Some(IndexBuffer { buffer: indices.wgpu(), format: IndexFormat::Uint32, first_byte: 0 }),
             n_triangles: u32::try_from(triangles.len())?,
         };
-        let scene = |strategy| BufferScene::new(gpu, &[mesh], BuildConfig { bits: Bits::B63, strategy });
+        let scene = |strategy| block_on(BufferScene::new(gpu, &[mesh], BuildConfig { bits: Bits::B63, strategy }));
         let mut aligned = scene(Strategy::Aabb)?;
         let rebuild = least(bench.rounds, || Ok(frame(gpu, |encoder| aligned.rebuild(gpu, encoder, &[mesh]))?))?;
         let refit = least(bench.rounds, || Ok(frame(gpu, |encoder| aligned.refit(gpu, encoder, &[mesh]))?))?;
         let mut dop = scene(Strategy::Dop)?;
         let rebuild_dop = least(bench.rounds, || Ok(frame(gpu, |encoder| dop.rebuild(gpu, encoder, &[mesh]))?))?;
         let config = WideConfig { bits: Bits::B63, ..WideConfig::default() };
-        let mut wide = BufferScene::new(gpu, &[mesh], config)?;
+        let mut wide = block_on(BufferScene::new(gpu, &[mesh], config))?;
         let rebuild_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.rebuild(gpu, encoder, &[mesh]))?))?;
         let refit_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.refit(gpu, encoder, &[mesh]))?))?;
         let config = Config::preset(Preset::Dynamic);
@@ -297,7 +298,7 @@ fn frame(gpu: &Gpu, record: impl FnOnce(&mut CommandEncoder) -> Result<(), GpuEr
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     record(&mut encoder)?;
     gpu.queue().submit([encoder.finish()]);
-    gpu.finish()
+    block_on(gpu.finish())
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use canted_gpu::{AdapterKind, Choice, Gpu};
+use canted_gpu::{AdapterKind, Choice, Gpu, block_on};
 
 use crate::options::Options;
 
@@ -94,7 +94,7 @@ pub(crate) fn section(choice: &Choice, options: &Options) -> Result<()> {
     if let Some(unknown) = options.chapters.iter().find(|name| !known.contains(&name.as_str())) {
         bail!("there is no chapter '{unknown}'; use {}", known.join(", "));
     }
-    let gpu = Gpu::open(choice)?;
+    let gpu = block_on(Gpu::open(choice))?;
     let facts = gpu.info();
     let is_software = facts.kind == AdapterKind::Software;
     let rounds = if is_software { options.rounds.min(SOFTWARE_ROUNDS) } else { options.rounds.max(HARDWARE_ROUNDS) };

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Result, ensure};
 use canted_film::{Aov, AovValues, Aovs, Film, srgb};
-use canted_gpu::AdapterKind;
+use canted_gpu::{AdapterKind, block_on};
 use canted_renderer::{DevicePicture, FirstHit, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render};
 use canted_scene::Scene;
 
@@ -38,7 +38,7 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
     let surfaces = Surfaces::with_lod(&scene, settings.lod);
     let start = Instant::now();
     let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared, &camera, &settings)?;
-    bench.gpu.finish()?;
+    block_on(bench.gpu.finish())?;
     let upload = start.elapsed().as_secs_f64();
     let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
     let start = Instant::now();

@@ -6,7 +6,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_fixtures::Mesh;
 use canted_gpu::{
-    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, SceneInput, TracedScene, Undecided,
+    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Options, Source, TracedScene, Undecided, block_on,
     build::{BuildConfig, Topology, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy};
@@ -54,10 +54,10 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let [oriented, aligned, small] = [build(&model, &oriented)?, build(&model, &aligned)?, build(&model, &small)?];
         let sets = sets(&model, &oriented, bench, 0.0);
         let traced = [
-            TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?,
-            TracedScene::new(&bench.gpu, SceneInput::upload([&aligned]))?,
-            TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?.with_exact_kernels(),
-            TracedScene::new(&bench.gpu, SceneInput::upload([&small]))?,
+            block_on(TracedScene::new(&bench.gpu, Source::wide(&oriented), Options::default()))?,
+            block_on(TracedScene::new(&bench.gpu, Source::wide(&aligned), Options::default()))?,
+            block_on(TracedScene::new(&bench.gpu, Source::wide(&oriented), Options::default()))?.with_exact_kernels(),
+            block_on(TracedScene::new(&bench.gpu, Source::wide(&small), Options::default()))?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let mut casts = vec![];
@@ -156,7 +156,8 @@ fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result
         for milliseconds in &mut all.milliseconds {
             let (time, undecided) = slice.cast(gpu, traced, kind)?;
             *milliseconds += time;
-            all.n_exact += undecided.map_or(Ok(slice.rays.len()), |list| list.count(gpu).map(|n| n as usize))?;
+            all.n_exact +=
+                undecided.map_or(Ok(slice.rays.len()), |list| block_on(list.count(gpu)).map(|n| n as usize))?;
         }
         all.n_cut += slice.n_cut(gpu, kind)?;
     }
@@ -181,7 +182,7 @@ impl Slice {
             _ => traced.record_closest_hits(gpu, &mut commands, &self.rays, &self.hits)?,
         };
         let start = Instant::now();
-        let times = commands.times()?;
+        let times = block_on(commands.times())?;
         let on_wall = start.elapsed().as_secs_f64() * 1e3;
         let milliseconds =
             if gpu.has_timestamps() { times.iter().map(|pass| pass.milliseconds).sum() } else { on_wall };
@@ -193,8 +194,8 @@ impl Slice {
         /// As in the kernels.
         const CUT: u32 = u32::MAX - 1;
         Ok(match kind {
-            Kind::Occlusion => gpu.read(&self.found)?.iter().filter(|&&found| found == CUT).count(),
-            _ => gpu.read(&self.hits)?.iter().filter(|hit| hit.instance == CUT).count(),
+            Kind::Occlusion => block_on(gpu.read(&self.found))?.iter().filter(|&&found| found == CUT).count(),
+            _ => block_on(gpu.read(&self.hits))?.iter().filter(|hit| hit.instance == CUT).count(),
         })
     }
 }
@@ -308,9 +309,9 @@ pub(super) fn structures(out: &mut String, bench: &Bench) -> Result<()> {
             for round in 0..=bench.rounds {
                 let start = Instant::now();
                 let traced = made.traced(&bench.gpu, &model)?;
-                bench.gpu.finish()?;
+                block_on(bench.gpu.finish())?;
                 let built = start.elapsed().as_secs_f64() * 1e3;
-                traced.closest_hits(&bench.gpu, &some)?;
+                block_on(traced.closest_hits(&bench.gpu, &some))?;
                 // The driver compiles during the first round.
                 if round > 0 {
                     ready = ready.min(built);
@@ -340,15 +341,19 @@ impl Made {
         match *self {
             Self::Uploaded(preset) => {
                 let bvh = TriangleBvh::build_with(positions, triangles, Config::preset(preset))?;
-                Ok(TracedScene::new(gpu, SceneInput::upload([&bvh]))?)
+                Ok(block_on(TracedScene::new(gpu, Source::wide(&bvh), Options::default()))?)
             }
             Self::Binary(strategy) => {
                 let config = BuildConfig { bits: Bits::B63, strategy };
-                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
+                of_device(&|corners| {
+                    block_on(TracedScene::new(gpu, Source::build([corners], config), Options::default()))
+                })
             }
             Self::Wide(bits, topology, strategy) => {
                 let config = WideConfig { bits, topology, strategy };
-                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
+                of_device(&|corners| {
+                    block_on(TracedScene::new(gpu, Source::build([corners], config), Options::default()))
+                })
             }
         }
     }

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Result;
 use canted_film::Film;
 use canted_fixtures::grid;
-use canted_gpu::{Choice, Gpu};
+use canted_gpu::{Choice, Gpu, block_on};
 use canted_obb::Affine;
 use canted_renderer::{
     DevicePicture, Integrator, Levels, Monitor, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render,
@@ -264,7 +264,7 @@ fn add_bindings(
     camera: &Camera,
     effort: Effort,
 ) -> Result<()> {
-    let gpu = match Gpu::open(&Choice::Best) {
+    let gpu = match block_on(Gpu::open(&Choice::Best)) {
         Ok(gpu) => gpu,
         Err(error) => {
             chapter.skipped.push(format!("{name}, bindings on a device: {error}."));

@@ -3,7 +3,6 @@
 use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor};
 
 use crate::GpuError;
-use crate::wait::block_on;
 
 /// Properties of an adapter, available before it is opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -78,15 +77,12 @@ const BACKENDS: Backends =
 /// Share of the reported memory budget that buffers may use.
 const MEMORY_PERCENT: u8 = 95;
 
-/// All adapters in order of preference; empty if no driver is installed, and in browsers: see [`adapters_async`].
-#[must_use]
-pub fn adapters() -> Vec<AdapterInfo> {
-    block_on(async { Ok(adapters_async().await) }).unwrap_or_default()
-}
-
 /// All adapters in order of preference; empty if no driver is installed. A browser offers one at most.
-pub async fn adapters_async() -> Vec<AdapterInfo> {
-    listed().await.iter().map(facts).collect()
+///
+/// # Errors
+/// None; a result, so that it can be passed to [`block_on`](crate::block_on).
+pub async fn adapters() -> Result<Vec<AdapterInfo>, GpuError> {
+    Ok(listed().await.iter().map(facts).collect())
 }
 
 /// The chosen adapter and its properties.
@@ -150,13 +146,13 @@ mod tests {
 
     #[test]
     fn a_missing_adapter_is_reported() {
-        let error = block_on(choose(&Choice::Named("no such adapter".to_owned()))).unwrap_err().to_string();
+        let error = crate::block_on(choose(&Choice::Named("no such adapter".to_owned()))).unwrap_err().to_string();
         assert!(error.starts_with("no adapter for device 'no such adapter'"), "{error}");
     }
 
     #[test]
     fn software_drivers_are_last() {
-        let kinds: Vec<_> = adapters().iter().map(|facts| facts.kind).collect();
+        let kinds: Vec<_> = crate::block_on(adapters()).unwrap().iter().map(|facts| facts.kind).collect();
         assert!(kinds.is_sorted(), "{kinds:?}");
         assert!(AdapterKind::Discrete < AdapterKind::Integrated && AdapterKind::Other < AdapterKind::Software);
     }

@@ -7,7 +7,6 @@ use bytemuck::Pod;
 use wgpu::{BufferDescriptor, BufferUsages};
 
 use crate::memory::{CHUNK, FrameBuffer, FrameBuffers, Reservation, Traffic, changed, hash};
-use crate::wait::block_on;
 use crate::{Gpu, GpuError};
 
 /// A device buffer of `len` values of `T`. Never empty on the device, because an empty binding is invalid.
@@ -187,38 +186,22 @@ impl Gpu {
             );
         }
         self.queue.submit([encoder.finish()]);
-        self.read_async(&gathered).await
+        self.read(&gathered).await
     }
 
     /// Reads back all values of `buffer`, after all submitted work.
     ///
     /// # Errors
     /// The device is lost or does not finish.
-    pub fn read<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
-        block_on(self.read_async(buffer))
-    }
-
-    /// [`Gpu::read`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Gpu::read`].
-    pub async fn read_async<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
-        self.read_first_async(buffer, buffer.len).await
+    pub async fn read<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
+        self.read_first(buffer, buffer.len).await
     }
 
     /// Reads back at most `len` values of `buffer`, after all submitted work.
     ///
     /// # Errors
     /// As for [`Gpu::read`].
-    pub fn read_first<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
-        block_on(self.read_first_async(buffer, len))
-    }
-
-    /// [`Gpu::read_first`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Gpu::read`].
-    pub async fn read_first_async<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
+    pub async fn read_first<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
         self.download(buffer, buffer.len.min(len)).await
     }
 }

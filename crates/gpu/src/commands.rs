@@ -6,7 +6,7 @@ use wgpu::{
     ComputePassDescriptor, ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
 };
 
-use crate::{Buffer, Gpu, GpuError, Kernel, Variant, wait::block_on};
+use crate::{Buffer, Gpu, GpuError, Kernel, Variant, block_on};
 
 /// Maximum number of timed passes per submission. Each uses two queries of the 4,096 that a query set may have.
 const MAX_TIMED: u32 = 2_048;
@@ -247,16 +247,8 @@ impl Commands<'_> {
     ///
     /// # Errors
     /// The device is lost, does not finish, or rejects a dispatch.
-    pub fn run(self) -> Result<(), GpuError> {
-        block_on(self.run_async())
-    }
-
-    /// [`Commands::run`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Commands::run`].
-    pub async fn run_async(self) -> Result<(), GpuError> {
-        self.times_async().await.map(drop)
+    pub async fn run(self) -> Result<(), GpuError> {
+        self.times().await.map(drop)
     }
 
     /// Submits the dispatches without waiting.
@@ -275,15 +267,7 @@ impl Commands<'_> {
     ///
     /// # Errors
     /// As for [`Commands::run`].
-    pub fn times(self) -> Result<Vec<PassTime>, GpuError> {
-        block_on(self.times_async())
-    }
-
-    /// [`Commands::times`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Commands::run`].
-    pub async fn times_async(self) -> Result<Vec<PassTime>, GpuError> {
+    pub async fn times(self) -> Result<Vec<PassTime>, GpuError> {
         let (kernels, ends) = self.ends().await?;
         Ok(kernels
             .into_iter()
@@ -318,7 +302,7 @@ impl Commands<'_> {
         let ticks = gpu.resolve_target(n_queries)?;
         encoder.resolve_query_set(&timed.queries, 0..n_queries as u32, &ticks.raw, 0);
         gpu.queue.submit([encoder.finish()]);
-        let ticks = gpu.read_async(&ticks).await?;
+        let ticks = gpu.read(&ticks).await?;
         let milliseconds_each = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
         let since_first = |tick: u64| tick.saturating_sub(ticks[0]) as f64 * milliseconds_each;
         let ends = ticks.chunks_exact(2).map(|pair| [since_first(pair[0]), since_first(pair[1])]).collect();
@@ -360,7 +344,7 @@ pub(crate) async fn longest_loop(gpu: &Gpu) -> Result<u32, GpuError> {
     if let Some(&counted) = gpu.longest_loop.get() {
         return Ok(counted);
     }
-    let counted = loop_iterations_async(gpu, LONG_LOOP).await?;
+    let counted = loop_iterations(gpu, LONG_LOOP).await?;
     Ok(*gpu.longest_loop.get_or_init(|| counted))
 }
 
@@ -374,20 +358,12 @@ pub(crate) const LONG_LOOP: u32 = 100_000;
 ///
 /// # Errors
 /// The device is lost or does not finish.
-pub fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
-    block_on(loop_iterations_async(gpu, wanted))
-}
-
-/// [`loop_iterations`] for browsers.
-///
-/// # Errors
-/// As for [`loop_iterations`].
-pub async fn loop_iterations_async(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
+pub async fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
     let kernel = gpu.kernel("check/loops", &Variant::none())?;
     let parameters = gpu.uniform("loop check", &[wanted, 0, 0, 0])?;
     let counted = gpu.zeroed::<u32>("loop iterations", 1)?;
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
-    commands.run_async().await?;
-    Ok(gpu.read_async(&counted).await?[0])
+    commands.run().await?;
+    Ok(gpu.read(&counted).await?[0])
 }

@@ -13,11 +13,11 @@ use canted_shaders::MAX_STORAGE_BUFFERS;
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, SubmissionIndex, Trace};
 
 use crate::adapter::{AdapterInfo, Choice, choose, facts_of};
+use crate::block_on;
 use crate::memory::{Counters, FrameBuffers, Memory, Staging};
 use crate::pipelines::KeptPipelines;
 #[cfg(not(target_family = "wasm"))]
 use crate::timeout::AdaptiveTimeout;
-use crate::wait::block_on;
 use crate::{GpuError, Kernel, Variant};
 
 /// An open device with its queue and compiled kernels.
@@ -45,31 +45,19 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens an adapter.
+    /// Opens an adapter. In a browser there is no choice but [`Choice::Best`].
     ///
     /// # Errors
     /// No matching adapter, or the adapter provides no device.
-    pub fn open(choice: &Choice) -> Result<Self, GpuError> {
-        block_on(Self::open_async(choice))
-    }
-
-    /// [`Gpu::open`] for browsers, whose adapters have no choice but [`Choice::Best`].
-    ///
-    /// # Errors
-    /// As for [`Gpu::open`].
-    pub async fn open_async(choice: &Choice) -> Result<Self, GpuError> {
-        Self::with_limits_async(choice, |limits| limits).await
+    pub async fn open(choice: &Choice) -> Result<Self, GpuError> {
+        Self::with_limits(choice, |limits| limits).await
     }
 
     /// Opens an adapter with limits reduced by `lower`, to emulate weaker devices.
     ///
     /// # Errors
     /// As for [`Gpu::open`].
-    pub fn with_limits(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
-        block_on(Self::with_limits_async(choice, lower))
-    }
-
-    async fn with_limits_async(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
+    pub async fn with_limits(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
         let (adapter, facts) = choose(choice).await?;
         // Default limits, raised only where the kernels need it. A device grants no more than was requested.
         let most = adapter.limits();
@@ -112,11 +100,12 @@ impl Gpu {
     ///
     /// ```no_run
     /// # fn example(device: wgpu::Device, queue: wgpu::Queue) -> Result<(), canted_gpu::GpuError> {
-    /// use canted_gpu::{Gpu, SceneInput, TracedScene, build::BuildConfig};
+    /// use canted_gpu::{Gpu, Options, Source, TracedScene, block_on, build::BuildConfig};
     ///
     /// let gpu = Gpu::from_wgpu(device, queue);
-    /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    /// let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], BuildConfig::default()))?;
+    /// let mesh = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+    /// let source = Source::build([&mesh], BuildConfig::default());
+    /// let scene = block_on(TracedScene::new(&gpu, source, Options::default()))?;
     /// # Ok(())
     /// # }
     /// ```
@@ -227,9 +216,9 @@ impl Gpu {
     ///
     /// ```no_run
     /// # fn example() -> Result<(), canted_gpu::GpuError> {
-    /// use canted_gpu::{Choice, Gpu};
+    /// use canted_gpu::{Choice, Gpu, block_on};
     ///
-    /// let mut gpu = Gpu::open(&Choice::Best)?;
+    /// let mut gpu = block_on(Gpu::open(&Choice::Best))?;
     /// gpu.keep_pipelines(&std::env::temp_dir().join("pipelines"));
     /// # Ok(())
     /// # }
@@ -283,15 +272,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device is lost or does not finish.
-    pub fn finish(&self) -> Result<(), GpuError> {
-        block_on(self.finish_async())
-    }
-
-    /// [`Gpu::finish`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Gpu::finish`].
-    pub async fn finish_async(&self) -> Result<(), GpuError> {
+    pub async fn finish(&self) -> Result<(), GpuError> {
         // Buffer writes are executed with the next submission.
         let written = self.queue.submit([]);
         self.wait(written).await

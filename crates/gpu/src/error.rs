@@ -93,7 +93,7 @@ impl std::fmt::Display for GpuError {
             }
             Self::Lost { message } => write!(f, "device lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
-            Self::Blocking => f.write_str("a browser cannot wait for the device; use the async form of the call"),
+            Self::Blocking => f.write_str("a browser cannot wait for the device; await the call instead of block_on"),
             Self::Unsupported { what } => write!(f, "not supported on the GPU: {what}"),
             Self::Shader(error) => error.fmt(f),
             Self::Input { message } => f.write_str(message),

@@ -6,7 +6,7 @@
 //! `closest_hit(ray)` and `occluded(ray)` to the program's kernel:
 //!
 //! ```no_run
-//! use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::WideConfig};
+//! use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, block_on, build::WideConfig};
 //!
 //! # fn example(device: wgpu::Device, queue: wgpu::Queue, vertices: wgpu::Buffer, indices: wgpu::Buffer, own: wgpu::BindGroup) -> Result<(), canted_gpu::GpuError> {
 //! // 1. Buffers with the usage STORAGE: here 1,000 vertices of 32 bytes and 2,000 triangles. Submit what fills them before the next step.
@@ -20,7 +20,7 @@
 //! };
 //! // 2. A BVH over them.
 //! let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
-//! let mut scene = BufferScene::new(&gpu, &[mesh], WideConfig::default())?;
+//! let mut scene = block_on(BufferScene::new(&gpu, &[mesh], WideConfig::default()))?;
 //! // 3. The program's kernel: bind group 0 is its own, bind group 1 has the BVH.
 //! let text = scene.traced().module(1)? + "
 //!     @group(0) @binding(0) var<storage, read_write> distances: array<f32>;
@@ -59,14 +59,15 @@
 //! # Batches of rays
 //!
 //! ```no_run
-//! use canted_gpu::{Choice, Gpu, Outcome, SceneInput, TracedScene, build::WideConfig};
+//! use canted_gpu::{Choice, Gpu, Options, Outcome, Source, TracedScene, block_on, build::WideConfig};
 //! use canted_trace::Ray;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let gpu = Gpu::open(&Choice::Best)?;
-//! let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], WideConfig::default()))?;
-//! let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
+//! let gpu = block_on(Gpu::open(&Choice::Best))?;
+//! let mesh = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+//! let source = Source::build([&mesh], WideConfig::default());
+//! let scene = block_on(TracedScene::new(&gpu, source, Options::default()))?;
+//! let hits = block_on(scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])]))?;
 //! assert!(matches!(hits[0], Outcome::Complete(Some(hit)) if hit.t == 1.0));
 //! # Ok(())
 //! # }
@@ -82,7 +83,7 @@
 //! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of a program, rebuilt and refitted in its command encoder |
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of the program |
 //! | [`DeviceBvh`] | which BVH: eight-wide or binary, and its boxes |
-//! | [`TracedScene`], [`SceneInput`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
+//! | [`TracedScene`], [`Source`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
 //! | [`TracedScene::download`], [`DownloadedBvh`] | a BVH of the device as one of the CPU, checked |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
@@ -103,8 +104,8 @@
 //!
 //! # Motion blur
 //!
-//! In this crate an instance *moves* if it has two transforms, for the two ends of the time that a shutter is open: [`SceneInput::instances`]
-//! accepts those. Instances of an [`InstancedScene`] have one transform. Changing it between frames costs no binding, and no
+//! In this crate an instance *moves* if it has two transforms, for the two ends of the time that a shutter is open: [`Source::Tlas`] and
+//! [`Source::Build`] accept those. Instances of an [`InstancedScene`] have one transform. Changing it between frames costs no binding, and no
 //! guarantee becomes weaker.
 //!
 //! # Buffers of a scene
@@ -180,11 +181,10 @@
 //!
 //! # In browsers
 //!
-//! The crate compiles for `wasm32-unknown-unknown` and uses WebGPU there. Nothing may block in a browser. So call the form that ends in `_async`
-//! wherever there is one: [`Gpu::open_async`], [`BufferScene::new_async`], [`InstancedScene::new_async`], [`TracedScene::closest_hits_async`],
-//! [`Gpu::read_async`] and others. The form without `_async` returns [`GpuError::Blocking`] there where it would have to wait. `rebuild`, `refit`,
-//! `update_top`, `module` and `bind_group` never wait. Errors of the device arrive with a later call. Stages are not timed. Outside of
-//! browsers, the futures are ready when they are polled first, and any executor runs them. The example `browser` is a page that builds and traces the
+//! The crate compiles for `wasm32-unknown-unknown` and uses WebGPU there. Each call that waits for the device is an `async fn`, such as [`Gpu::open`],
+//! [`TracedScene::closest_hits`] and [`Gpu::read`]. Nothing may block in a browser, so a page awaits them; [`block_on`] returns [`GpuError::Blocking`] there where it
+//! would have to wait. `rebuild`, `refit`, `update_top`, `module` and `bind_group` never wait. Errors of the device arrive with a later call. Stages are not timed.
+//! Outside of browsers the futures are ready when they are polled first, so [`block_on`] or any executor runs them. The example `browser` is a page that builds and traces the
 //! built-in scene.
 //!
 //! # Tested on
@@ -210,13 +210,13 @@ mod trace;
 mod trusted;
 mod wait;
 
-pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters, adapters_async};
+pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters};
 pub use buffer::Buffer;
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_lbvh::{Bits, Strategy};
 pub use canted_obb::Affine;
 pub use canted_shaders::{ModuleOptions, Variant};
-pub use commands::{AsBinding, Commands, NamedBinding, PassTime, loop_iterations, loop_iterations_async};
+pub use commands::{AsBinding, Commands, NamedBinding, PassTime, loop_iterations};
 pub use device::Gpu;
 pub use error::GpuError;
 pub use kernel::Kernel;
@@ -224,6 +224,7 @@ pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, HostBvh, InstancedScene,
-    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Outcome, SceneInput, TracedScene, Undecided,
+    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Options, Outcome, Source, TracedScene, Undecided,
 };
+pub use wait::block_on;
 pub use wgpu::{self, Limits};

@@ -12,7 +12,7 @@ use wgpu::{
 };
 
 use crate::commands::bind_groups;
-use crate::wait::{Instant, block_on};
+use crate::wait::Instant;
 use crate::{Buffer, Gpu, GpuError, NamedBinding};
 
 /// Number of render targets.
@@ -100,21 +100,7 @@ impl Gpu {
     ///
     /// # Errors
     /// A variable is missing, the picture exceeds the texture limit, or the device is lost.
-    pub fn draw(
-        &self,
-        raster: &RasterPipeline,
-        bound: &[NamedBinding<'_>],
-        [width, height]: [u32; 2],
-        draws: &[Draw],
-    ) -> Result<RasterOutput, GpuError> {
-        block_on(self.draw_async(raster, bound, [width, height], draws))
-    }
-
-    /// [`Gpu::draw`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Gpu::draw`].
-    pub async fn draw_async(
+    pub async fn draw(
         &self,
         raster: &RasterPipeline,
         bound: &[NamedBinding<'_>],
@@ -222,7 +208,7 @@ impl Gpu {
         let to = wgpu::TexelCopyBufferInfo { buffer: &copied.raw, layout };
         encoder.copy_texture_to_buffer(target.as_image_copy(), to, size);
         self.queue.submit([encoder.finish()]);
-        let texels = self.read_async(&copied).await?;
+        let texels = self.read(&copied).await?;
         Ok(texels.chunks_exact(row).flat_map(|texels| &texels[..size.width as usize]).copied().collect())
     }
 }

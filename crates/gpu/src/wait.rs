@@ -17,10 +17,20 @@ pub(crate) use std::time::Instant;
 #[cfg(target_family = "wasm")]
 pub(crate) use web_time::Instant;
 
-/// The output of `future`.
+/// Waits for a call that is an `async fn`, in programs that have no executor. All calls of this crate that wait for the device are such functions.
 ///
-/// In a browser, only of a future that need not wait, e.g. that of a recorded build.
-pub(crate) fn block_on<T>(future: impl Future<Output = Result<T, GpuError>>) -> Result<T, GpuError> {
+/// ```no_run
+/// use canted_gpu::{Choice, Gpu, block_on};
+///
+/// # fn example() -> Result<(), canted_gpu::GpuError> {
+/// let gpu = block_on(Gpu::open(&Choice::Best))?;
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// Those of the call; [`GpuError::Blocking`] in a browser, where only calls that need not wait can be passed, such as that of a recorded build.
+pub fn block_on<T>(future: impl Future<Output = Result<T, GpuError>>) -> Result<T, GpuError> {
     #[cfg(not(target_family = "wasm"))]
     return pollster::block_on(future);
     #[cfg(target_family = "wasm")]

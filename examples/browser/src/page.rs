@@ -44,20 +44,20 @@ async fn traced(window: &Window, without_first: bool) -> Result<Value, Failure> 
     let document = document(window).ok_or("there is no document")?;
     let view = View::new()?;
     let rays = view.camera_rays()?;
-    let gpu = Gpu::open_async(&Choice::Best).await?;
+    let gpu = Gpu::open(&Choice::Best).await?;
 
     let start = Instant::now();
     let scene = view.on_device(&gpu, without_first).await?;
     let build = milliseconds(start);
     // The browser compiles kernels when they are first used.
-    scene.closest_hits_async(&gpu, &rays[..1]).await?;
+    scene.closest_hits(&gpu, &rays[..1]).await?;
     let start = Instant::now();
-    let outcomes = scene.closest_hits_async(&gpu, &rays).await?;
+    let outcomes = scene.closest_hits(&gpu, &rays).await?;
     let trace = milliseconds(start);
     let device_hits = hits_of(&outcomes);
     let shadow_rays = view.shadow_rays(&device_hits);
     let shadow_outcomes =
-        scene.occluded_async(&gpu, &shadow_rays.iter().flatten().copied().collect::<Vec<_>>()).await?;
+        scene.occluded(&gpu, &shadow_rays.iter().flatten().copied().collect::<Vec<_>>()).await?;
     draw(&document, "device", &view.picture(&device_hits, &spread(&shadow_rays, &shadow_outcomes)))?;
 
     let start = Instant::now();

@@ -1,6 +1,6 @@
 //! The built-in scene as both tracers take it, and its camera rays.
 
-use canted_gpu::{Gpu, GpuError, SceneInput, TracedScene, build::BuildConfig};
+use canted_gpu::{Gpu, GpuError, Options, Source, TracedScene, build::BuildConfig};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_obb::vector::{Vector, add, cross, dot, scale, sub, to_f32, to_f64, unit};
 use canted_scene::{Light, Projection, Scene, builtin};
@@ -45,7 +45,7 @@ impl View {
             // Out of sight, so that the others keep their numbers.
             instances[0].world_from_object.columns[3][1] += 1e5;
         }
-        TracedScene::new_async(gpu, SceneInput::build(&self.corners, config).instances(&instances)).await
+        TracedScene::new(gpu, Source::build(&self.corners, config).with_instances(&instances), Options::default()).await
     }
 
     /// Both levels, built on the CPU.

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use canted_gpu::build::BuildConfig;
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
-use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, wgpu};
+use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, block_on, wgpu};
 
 /// Vertices along a side of the sheet.
 const N: u32 = 128;
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
         n_triangles: 2 * (N - 1) * (N - 1),
     };
-    let mut scene = BufferScene::new(&gpu, &[mesh], BuildConfig::default())?;
+    let mut scene = block_on(BufferScene::new(&gpu, &[mesh], BuildConfig::default()))?;
     let shading = pipeline(&device, &(scene.traced().module(1)? + include_str!("ao.wgsl")));
     let brightness = gpu.zeroed::<f32>("brightness", (SIZE[0] * SIZE[1]) as usize)?;
     let to_shade = group(&device, &shading, &[brightness.wgpu()]);
@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         scene.rebuild(&gpu, &mut encoder, &[mesh])?;
         dispatch(&mut encoder, &shading, &[&to_shade, &traversal], SIZE.map(|n| n.div_ceil(8)));
         queue.submit([encoder.finish()]);
-        let brightness = gpu.read(&brightness)?;
+        let brightness = block_on(gpu.read(&brightness))?;
         if brightness.iter().any(|&of_pixel| of_pixel < 0.0) {
             return Err("the rays of a pixel take more steps than this driver allows".into());
         }
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let picture = image::GrayImage::from_raw(SIZE[0], SIZE[1], gray).ok_or("a picture of another size")?;
         picture.save(folder.join(format!("ao_{number:02}.png")))?;
     }
-    scene.check(&gpu)?;
+    block_on(scene.check(&gpu))?;
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use std::error::Error;
 
 use canted_gpu::build::WideConfig;
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
-use canted_gpu::{DeviceHit, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, ModuleHit, wgpu};
+use canted_gpu::{DeviceHit, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, ModuleHit, block_on, wgpu};
 
 /// Corners of a cube by bits, with another vector behind each position, as a program's own vertices have.
 fn cube() -> Vec<[f32; 6]> {
@@ -81,7 +81,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         n_triangles: 12,
     };
     let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 3, has_masks: false };
-    let scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())?;
+    let scene = block_on(InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default()))?;
     let text = scene.traced().module(1)? + include_str!("pick.wgsl");
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("pick"),
@@ -122,7 +122,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     pass.dispatch_workgroups(1, 1, 1);
     drop(pass);
     queue.submit([encoder.finish()]);
-    let Picked { hit, normal: [x_of, y_of, z_of], .. } = gpu.read(&picked)?[0];
+    let Picked { hit, normal: [x_of, y_of, z_of], .. } = block_on(gpu.read(&picked))?[0];
     if hit.instance == DeviceHit::NONE {
         println!("nothing at ({x}, {y})");
     } else {

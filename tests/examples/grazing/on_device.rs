@@ -4,7 +4,7 @@ use std::{io::Write, process::ExitCode};
 
 use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
-use canted_gpu::{BufferScene, Choice, DeviceBvh, Gpu, IndexBuffer, MeshBuffers, wgpu};
+use canted_gpu::{BufferScene, Choice, DeviceBvh, Gpu, IndexBuffer, MeshBuffers, block_on, wgpu};
 use canted_lbvh::Strategy;
 use canted_tests::device::{Tally, World, error_of_one_level};
 use canted_trace::{Hit, Ray};
@@ -46,7 +46,7 @@ type Batch = (Vec<Ray>, Vec<Option<Hit>>);
 
 /// Traces the rays through each kind of BVH and prints the table.
 pub(crate) fn run(out: &mut impl Write, scenes: &[(&'static str, Mesh)], n_rays: usize) -> ExitCode {
-    let gpu = match Gpu::open(&Choice::Best) {
+    let gpu = match block_on(Gpu::open(&Choice::Best)) {
         Ok(gpu) => gpu,
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "{error}");
@@ -111,7 +111,7 @@ fn shoot(gpu: &Gpu, mesh: &Mesh, batches: &[Batch], row: &mut Row) -> Result<(),
         indices: Some(IndexBuffer { buffer: indices.wgpu(), format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
         n_triangles: count(mesh.triangles.len()),
     };
-    let scene = BufferScene::new(gpu, &[buffers], row.bvh).map_err(said)?;
+    let scene = block_on(BufferScene::new(gpu, &[buffers], row.bvh)).map_err(said)?;
     for (rays, hits) in batches {
         world.check_each(gpu, scene.traced(), rays, hits, &mut row.tally)?;
         row.n_rays += rays.len();

@@ -2,7 +2,7 @@
 //! instance far away.
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup};
-use canted_gpu::{Choice, Gpu, SceneInput, TracedScene};
+use canted_gpu::{Choice, Gpu, Options, Source, TracedScene, block_on};
 use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
 use canted_tlas::{Instance, MAX_CONDITION, Tlas, TopConfig};
@@ -198,10 +198,10 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         Tlas::new(vec![wide()], instances, TopConfig::default()).err().map(|error| error.to_string())
     };
     let mut rows = vec![row(REFUSED, "Tlas::new", &bad, &on_cpu)];
-    if let Ok(gpu) = Gpu::open(&Choice::Best) {
+    if let Ok(gpu) = block_on(Gpu::open(&Choice::Best)) {
         bad.push(affine(&Rotation::IDENTITY, [1.0, 1.0, 0.99 / canted_gpu::MAX_CONDITION], [0.5; 3]));
         let on_device = |instances: &[Instance]| {
-            TracedScene::new(&gpu, SceneInput::upload([&wide()]).instances(instances))
+            block_on(TracedScene::new(&gpu, Source::tlas([&wide()], instances), Options::default()))
                 .err()
                 .map(|error| error.to_string())
         };

@@ -10,7 +10,7 @@ use std::fmt::Display;
 
 use canted_fixtures::{Mesh, equal_centroids, identical, outlier, soup};
 use canted_gpu::{
-    Choice, Gpu,
+    Choice, Gpu, block_on,
     build::{BuildConfig, BuildEncoder, Built, Node, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strategy, Tree, VolumeConfig};
@@ -139,13 +139,13 @@ const STAGE_ON_DEVICE: &str = "tree on a device";
 
 /// Why there are no rows if there is no adapter.
 pub(super) fn not_tried() -> Option<String> {
-    let there_is_none = Gpu::open(&Choice::Best).is_err();
+    let there_is_none = block_on(Gpu::open(&Choice::Best)).is_err();
     there_is_none.then(|| format!("the stage \"{STAGE_ON_DEVICE}\" and instances on a device: no device"))
 }
 
 /// Rows of the best adapter; empty without an adapter.
 pub(super) fn rows_of_device() -> Vec<Row> {
-    let Ok(gpu) = Gpu::open(&Choice::Best) else { return vec![] };
+    let Ok(gpu) = block_on(Gpu::open(&Choice::Best)) else { return vec![] };
     cases().iter().flat_map(|(case, meshes)| of_case(&gpu, case, meshes)).collect()
 }
 
@@ -188,13 +188,13 @@ impl Twin {
     fn built(&self, gpu: &Gpu, strategy: Strategy) -> Built {
         let items = Primitives::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
         let config = BuildConfig { bits: Bits::B63, strategy };
-        Built::new(&mut BuildEncoder::new(gpu), items, config).expect("a small tree")
+        block_on(Built::new(&mut BuildEncoder::new(gpu), items, config)).expect("a small tree")
     }
 
     /// Whether the device's leaves or nodes differ from the CPU's.
     fn differs(&self, gpu: &Gpu, built: &Built) -> bool {
-        let leaves = gpu.read(&built.leaves).expect("leaves come back");
-        let nodes = gpu.read(&built.trees.nodes).expect("nodes come back");
+        let leaves = block_on(gpu.read(&built.leaves)).expect("leaves come back");
+        let nodes = block_on(gpu.read(&built.trees.nodes)).expect("nodes come back");
         let own: Vec<u32> = self.tree.leaves.iter().map(|leaf| leaf.0).collect();
         let same = self.tree.nodes.iter().map(node_of_device).eq(nodes.into_iter().take(self.tree.nodes.len()));
         leaves != own || !same
@@ -202,7 +202,8 @@ impl Twin {
 
     /// How many vertices lie outside a box above them, and how many were checked.
     fn outside(&self, gpu: &Gpu, built: &Built) -> [usize; 2] {
-        let obbs: Vec<Obb> = built.obbs.as_ref().map_or_else(Vec::new, |obbs| gpu.read(obbs).expect("boxes come back"));
+        let obbs: Vec<Obb> =
+            built.obbs.as_ref().map_or_else(Vec::new, |obbs| block_on(gpu.read(obbs)).expect("boxes come back"));
         let sorted = lbvh::in_leaf_order(&self.corners, &self.tree.leaves);
         let of_node = |(node_of_device, obb): (&lbvh::Node, &Obb)| {
             let below = sorted[node_of_device.first as usize..=node_of_device.last as usize].as_flattened();

@@ -7,7 +7,7 @@ use canted_fixtures::{
     soup,
 };
 use canted_gpu::{
-    Buffer, Gpu,
+    Buffer, Gpu, block_on,
     build::{self, BuildConfig, BuildEncoder, Built, STRATEGIES, Topology, WideConfig},
 };
 use canted_lbvh::{Bits, Strategy};
@@ -43,11 +43,11 @@ fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
 }
 
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin]) -> Result<(), String> {
-    let built = Built::new(
+    let built = block_on(Built::new(
         &mut BuildEncoder::new(gpu),
         primitives(gpu, there),
         WideConfig { topology: Topology::Ploc, ..WideConfig::default() },
-    )
+    ))
     .unwrap();
     end_to_end(gpu, &built, twins)
 }
@@ -111,7 +111,7 @@ const ROUNDS: usize = 50;
 pub(crate) type Words = Vec<(&'static str, Vec<u32>)>;
 
 fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<u32> {
-    bytemuck::cast_slice(&gpu.read(buffer).unwrap()).to_vec()
+    bytemuck::cast_slice(&block_on(gpu.read(buffer)).unwrap()).to_vec()
 }
 
 /// All buffers that a build leaves on the device.
@@ -136,7 +136,7 @@ fn stages(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
     let primitives = primitives(gpu, twins);
     let domains = build::domain(&mut build, &primitives, bits).unwrap();
     let codes = build::codes(&mut build, &primitives, &domains, bits).unwrap();
-    let built = Built::new(&mut build, primitives, BuildConfig { bits, strategy }).unwrap();
+    let built = block_on(Built::new(&mut build, primitives, BuildConfig { bits, strategy })).unwrap();
     let mut words = vec![
         ("grids", read(gpu, &domains)),
         ("low words of codes", read(gpu, &codes.low)),

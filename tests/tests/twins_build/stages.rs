@@ -9,7 +9,7 @@ use canted_fixtures::{
     soup,
 };
 use canted_gpu::{
-    Gpu, NamedBinding, Variant,
+    Gpu, NamedBinding, Variant, block_on,
     build::{self, BuildConfig, BuildEncoder, Built, Codes, Grid, Node, Primitives, STRATEGIES, Sorter, Trees},
     loop_iterations,
 };
@@ -76,7 +76,7 @@ fn grids_round_as_on_the_cpu() {
     for bits in BOTH {
         let twins = twins(&meshes, bits);
         let domains = build::domain(&mut BuildEncoder::new(&gpu), &primitives(&gpu, &twins), bits).unwrap();
-        let (device, cpu) = (gpu.read(&domains).unwrap(), grids(&twins));
+        let (device, cpu) = (block_on(gpu.read(&domains)).unwrap(), grids(&twins));
         for (index, (device, cpu)) in device.iter().zip(&cpu).enumerate() {
             assert_eq!(bits_of(&[*device]), bits_of(&[*cpu]), "mesh {index}, {bits:?}: {device:?} for {cpu:?}");
         }
@@ -106,7 +106,8 @@ fn the_comparison_detects_an_error_in_each_stage() {
 fn the_comparison_detects_a_wrong_box() {
     let gpu = gpu();
     let mut twins = twins(&[soup(1, 4), soup(3, 30)], Bits::B63);
-    let built = Built::new(&mut BuildEncoder::new(&gpu), primitives(&gpu, &twins), BuildConfig::default()).unwrap();
+    let built =
+        block_on(Built::new(&mut BuildEncoder::new(&gpu), primitives(&gpu, &twins), BuildConfig::default())).unwrap();
     twins[1].primitives[7] = [[9.0; 3]; 3];
     let error = end_to_end(&gpu, &built, &twins).unwrap_err();
     assert!(error.starts_with("boxes of tree 1: "), "{error}");
@@ -119,8 +120,8 @@ fn on_device(gpu: &Gpu, codes: [Vec<u32>; 2], bits: Bits) -> Codes {
 }
 
 fn read(gpu: &Gpu, codes: &Codes) -> [Vec<u32>; 2] {
-    let low = gpu.read(&codes.low).unwrap();
-    let high = codes.high.as_ref().map_or_else(|| vec![0; low.len()], |high| gpu.read(high).unwrap());
+    let low = block_on(gpu.read(&codes.low)).unwrap();
+    let high = codes.high.as_ref().map_or_else(|| vec![0; low.len()], |high| block_on(gpu.read(high)).unwrap());
     [low, high]
 }
 
@@ -157,7 +158,7 @@ fn unequal<T: PartialEq + Debug>(what: &str, device: &[T], cpu: &[T]) -> Result<
 pub(crate) fn stages<L>(gpu: &Gpu, primitives: &Primitives, twins: &[Twin<L>], bits: Bits) -> Result<(), String> {
     let mut build = BuildEncoder::new(gpu);
     let domains = build::domain(&mut build, primitives, bits).unwrap();
-    unequal("grids", &bits_of(&gpu.read(&domains).unwrap()), &bits_of(&grids(twins)))?;
+    unequal("grids", &bits_of(&block_on(gpu.read(&domains)).unwrap()), &bits_of(&grids(twins)))?;
 
     let domains = gpu.buffer("domains", &grids(twins)).unwrap();
     let codes = build::codes(&mut build, primitives, &domains, bits).unwrap();
@@ -171,7 +172,7 @@ pub(crate) fn stages<L>(gpu: &Gpu, primitives: &Primitives, twins: &[Twin<L>], b
     for (device, cpu) in read(gpu, &sorted.codes).iter().zip(&cpu_sorted) {
         unequal("sorted codes", device, cpu)?;
     }
-    unequal("leaves", &gpu.read(&sorted.leaves).unwrap(), &leaves(primitives, twins))?;
+    unequal("leaves", &block_on(gpu.read(&sorted.leaves)).unwrap(), &leaves(primitives, twins))?;
 
     let trees = build::tree(&mut build, primitives, &on_device(gpu, cpu_sorted, bits)).unwrap();
     topology(gpu, primitives, &trees, twins)
@@ -182,9 +183,9 @@ pub(crate) fn stages<L>(gpu: &Gpu, primitives: &Primitives, twins: &[Twin<L>], b
 /// # Errors
 /// The first difference from the CPU: leaves, nodes or axis-aligned boxes.
 pub(crate) fn end_to_end<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Result<(), String> {
-    unequal("leaves", &gpu.read(&built.leaves).unwrap(), &leaves(&built.primitives, twins))?;
+    unequal("leaves", &block_on(gpu.read(&built.leaves)).unwrap(), &leaves(&built.primitives, twins))?;
     topology(gpu, &built.primitives, &built.trees, twins)?;
-    let aabbs = gpu.read(&built.aabbs).unwrap();
+    let aabbs = block_on(gpu.read(&built.aabbs)).unwrap();
     for (index, (twin, range)) in twins.iter().zip(built.primitives.ranges()).enumerate() {
         let cpu = lbvh::volumes(&twin.tree, &twin.leaves(), &VolumeConfig::default()).aabbs;
         unequal(&format!("boxes of tree {index}"), &aabbs[range.first as usize..][..cpu.len()], &cpu)?;
@@ -196,8 +197,8 @@ pub(crate) fn end_to_end<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -
 pub(crate) fn assert_equal(gpu: &Gpu, twins: &[Twin], bits: Bits, name: &str) {
     let alone = stages(gpu, &primitives(gpu, twins), twins, bits);
     alone.unwrap_or_else(|error| panic!("{name}, {bits:?}, {error}"));
-    let built =
-        Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), BuildConfig { bits, ..BuildConfig::default() });
+    let config = BuildConfig { bits, ..BuildConfig::default() };
+    let built = block_on(Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), config));
     let together = end_to_end(gpu, &built.unwrap(), twins);
     together.unwrap_or_else(|error| panic!("{name}, {bits:?} from end to end, {error}"));
 }
@@ -213,14 +214,14 @@ fn leaves<L>(primitives: &Primitives, twins: &[Twin<L>]) -> Vec<u32> {
 }
 
 fn topology<L>(gpu: &Gpu, primitives: &Primitives, trees: &Trees, twins: &[Twin<L>]) -> Result<(), String> {
-    let nodes = gpu.read(&trees.nodes).unwrap();
+    let nodes = block_on(gpu.read(&trees.nodes)).unwrap();
     for (index, (twin, range)) in twins.iter().zip(primitives.ranges()).enumerate() {
         let cpu = shifted(&twin.tree, range.first);
         unequal(&format!("nodes of tree {index}"), &nodes[range.first as usize..][..cpu.len()], &cpu)?;
     }
-    check_parents(&nodes, &gpu.read(&trees.parents).unwrap(), primitives);
+    check_parents(&nodes, &block_on(gpu.read(&trees.parents)).unwrap(), primitives);
     let depth = twins.iter().map(|twin| twin.tree.depth).max().unwrap_or(0);
-    unequal("depth", &gpu.read(&trees.depth).unwrap(), &[depth])
+    unequal("depth", &block_on(gpu.read(&trees.depth)).unwrap(), &[depth])
 }
 
 /// Nodes of a separate tree, renumbered for items that begin at `first`.
@@ -279,8 +280,8 @@ fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
     let bound: [NamedBinding<'_>; 3] = [("digit", &digit), ("counts", &counts), ("totals", &totals)];
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &bound, [ROWS, 1, 1]).unwrap();
-    commands.run().unwrap();
-    (gpu.read(&counts).unwrap(), gpu.read(&totals).unwrap())
+    block_on(commands.run()).unwrap();
+    (block_on(gpu.read(&counts)).unwrap(), block_on(gpu.read(&totals)).unwrap())
 }
 
 /// The same as a loop. Sums wrap around on both sides.
@@ -307,7 +308,7 @@ fn rows(n: usize) -> Vec<Vec<u32>> {
 fn sums_match_the_cpu_at_every_length() {
     const LONG: u32 = 100_000;
     let gpu = gpu();
-    let million = (loop_iterations(&gpu, LONG).unwrap() == LONG).then_some(1 << 20);
+    let million = (block_on(loop_iterations(&gpu, LONG)).unwrap() == LONG).then_some(1 << 20);
     for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537].into_iter().chain(million) {
         let rows = rows(n);
         for group in [64, 256] {
@@ -336,7 +337,7 @@ fn codes(n: usize, distinct: usize) -> Vec<u64> {
 
 fn sorted(gpu: &Gpu, sorter: &Sorter, codes: &[u64]) -> Vec<u32> {
     let [low, high] = words(codes.iter()).map(|word| gpu.buffer("codes", &word).unwrap());
-    gpu.read(&sorter.sort(&mut BuildEncoder::new(gpu), &[(&low, 32), (&high, 31)]).unwrap()).unwrap()
+    block_on(gpu.read(&sorter.sort(&mut BuildEncoder::new(gpu), &[(&low, 32), (&high, 31)]).unwrap())).unwrap()
 }
 
 fn sorted_by_cpu(codes: &[u64]) -> Vec<u32> {

@@ -6,7 +6,7 @@ use canted_fixtures::{
     icosphere, soup,
 };
 use canted_gpu::{
-    Gpu,
+    Gpu, block_on,
     build::{BuildConfig, BuildEncoder, Built, Primitives, STRATEGIES},
 };
 use canted_lbvh::{Bits, Strategy};
@@ -42,16 +42,16 @@ fn instances(placed: &[Affine]) -> Vec<Instance> {
 }
 
 fn bottom(gpu: &Gpu, config: BuildConfig) -> Built {
-    Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, &twins(&meshes(), config.bits)), config).unwrap()
+    block_on(Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, &twins(&meshes(), config.bits)), config)).unwrap()
 }
 
 /// The tree over instances, and their boxes, which the CPU computes from the device's root boxes.
 fn top(gpu: &Gpu, instances: &[Instance], config: BuildConfig) -> (Built, Vec<Obb>) {
-    let roots = bottom(gpu, config).roots(gpu).unwrap();
+    let roots = block_on(bottom(gpu, config).roots(gpu)).unwrap();
     let of = |instance: &Instance| Some(roots[instance.blas as usize]?.transformed(&instance.world_from_object));
     let boxes: Vec<Obb> = instances.iter().filter_map(of).collect();
     let primitives = Primitives::boxes(gpu, &boxes).unwrap();
-    (Built::new(&mut BuildEncoder::new(gpu), primitives, config).unwrap(), boxes)
+    (block_on(Built::new(&mut BuildEncoder::new(gpu), primitives, config)).unwrap(), boxes)
 }
 
 /// Asserts that the top level equals the CPU's over the same boxes, and that its boxes contain them.
@@ -61,7 +61,7 @@ fn assert_top(gpu: &Gpu, instances: &[Instance], config: BuildConfig) {
     stages(gpu, &top.primitives, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
     end_to_end(gpu, &top, &twins).unwrap_or_else(|error| panic!("{config:?} from end to end, {error}"));
     let Some(obbs) = &top.obbs else { return };
-    let (obbs, leaves) = (gpu.read(obbs).unwrap(), twins[0].leaves());
+    let (obbs, leaves) = (block_on(gpu.read(obbs)).unwrap(), twins[0].leaves());
     assert_eq!(escaped(&twins[0], &leaves, &obbs), None, "{config:?}");
 }
 
@@ -96,7 +96,7 @@ fn few_instances_make_a_small_top_level() {
 fn roots_contain_their_meshes() {
     let gpu = gpu();
     for strategy in [Strategy::Aabb, Strategy::Combined, Strategy::Dop] {
-        let roots = bottom(&gpu, BuildConfig { strategy, ..BuildConfig::default() }).roots(&gpu).unwrap();
+        let roots = block_on(bottom(&gpu, BuildConfig { strategy, ..BuildConfig::default() }).roots(&gpu)).unwrap();
         assert_eq!(roots.iter().map(Option::is_some).collect::<Vec<_>>(), [true, false, true]);
         for (mesh, root) in meshes().iter().zip(roots) {
             let inside = |&&index: &&u32| contains(&root.unwrap(), mesh.positions[index as usize]);
@@ -112,7 +112,7 @@ fn the_check_detects_a_box_without_its_instances() {
     let instances = instances(&crowd());
     let (top, boxes) = top(&gpu, &instances, config);
     let twin = Twin::of_boxes(&boxes, config.bits);
-    let mut obbs = gpu.read(top.obbs.as_ref().unwrap()).unwrap();
+    let mut obbs = block_on(gpu.read(top.obbs.as_ref().unwrap())).unwrap();
     obbs[5].half_extents = obbs[5].half_extents.map(|half| half * 0.99);
     assert_eq!(escaped(&twin, &twin.leaves(), &obbs).map(|(index, _)| index), Some(5));
 }

@@ -5,7 +5,7 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use std::cell::Cell;
 
 use canted_gpu::{
-    Gpu,
+    Gpu, block_on,
     build::{BuildConfig, BuildEncoder, Built, Range, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy, VolumeConfig};
@@ -33,9 +33,9 @@ struct Boxes<'a> {
 /// Builds the meshes and calls `look` for the boxes of each, with the CPU's twin.
 fn with_boxes(gpu: &Gpu, twins: &[Twin], strategy: Strategy, look: impl Fn(usize, &Twin, Boxes<'_>)) {
     let config = BuildConfig { bits: Bits::B63, strategy };
-    let built = Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), config).unwrap();
-    let aabbs = gpu.read(&built.aabbs).unwrap();
-    let obbs = built.obbs.as_ref().map_or_else(Vec::new, |obbs| gpu.read(obbs).unwrap());
+    let built = block_on(Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), config)).unwrap();
+    let aabbs = block_on(gpu.read(&built.aabbs)).unwrap();
+    let obbs = built.obbs.as_ref().map_or_else(Vec::new, |obbs| block_on(gpu.read(obbs)).unwrap());
     for (index, (twin, &Range { first, .. })) in twins.iter().zip(built.primitives.ranges()).enumerate() {
         let slots = first as usize..first as usize + twin.tree.nodes.len();
         look(index, twin, Boxes { aabbs: &aabbs[slots.clone()], obbs: obbs.get(slots).unwrap_or(&[]) });

@@ -8,7 +8,7 @@ use canted_fixtures::{
     icosphere, soup,
 };
 use canted_gpu::{
-    Gpu,
+    Gpu, block_on,
     build::{BuildConfig, BuildEncoder, Built, MAX_LEAF, Range, STRATEGIES, Topology, WideBvhs, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Strategy, Tree, VolumeConfig};
@@ -215,9 +215,11 @@ fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Resul
 /// Compares what the device makes of `there` with the CPU's result for `twins`.
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
     let mut build = BuildEncoder::new(gpu);
-    let built = Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
-    let wide = WideBvhs::new(&mut build, &built, None).unwrap();
-    let (nodes, triangles) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.triangles).unwrap());
+    let built =
+        block_on(Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }))
+            .unwrap();
+    let wide = block_on(WideBvhs::new(&mut build, &built, None)).unwrap();
+    let (nodes, triangles) = (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
     let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
     let (cpu_nodes, cpu_triangles, depth) = expected(twins, built.primitives.ranges(), &first_units);
@@ -274,9 +276,9 @@ fn repeated_collapses_give_the_same_words() {
     let twins = twins(&[large(6, 20_000), soup(8, 100)], Bits::B63);
     let words = || {
         let mut build = BuildEncoder::new(&gpu);
-        let built = Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default()).unwrap();
-        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
-        (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.triangles).unwrap(), wide.levels)
+        let built = block_on(Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default())).unwrap();
+        let wide = block_on(WideBvhs::new(&mut build, &built, None)).unwrap();
+        (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap(), wide.levels)
     };
     assert!(words() == words());
 }
@@ -289,9 +291,12 @@ fn oriented_nodes_enclose_their_triangles() {
     for (strategy, topology) in STRATEGIES.into_iter().zip([Topology::Radix, Topology::Ploc].into_iter().cycle()) {
         let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { bits: Bits::B63, strategy };
-        let built = Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }).unwrap();
-        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
-        let (nodes, triangles) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.triangles).unwrap());
+        let built =
+            block_on(Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }))
+                .unwrap();
+        let wide = block_on(WideBvhs::new(&mut build, &built, None)).unwrap();
+        let (nodes, triangles) =
+            (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap());
         let n_oriented: usize = twins
             .iter()
             .zip(&wide.levels[0].roots)

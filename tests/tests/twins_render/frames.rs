@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
 use canted_fixtures::icosphere;
-use canted_gpu::{Gpu, Traffic};
+use canted_gpu::{Gpu, Traffic, block_on};
 use canted_lbvh::Strategy;
 use canted_renderer::{
     BvhKind, DeviceFrames, DevicePicture, Integrator, Levels, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces,
@@ -63,7 +63,7 @@ fn uploads(gpu: &Gpu, config: &SceneBvhConfig, steps: &[fn(&mut Scene, &mut Came
         found.push((gpu.traffic() - before, size));
         let film = rendered(&picture);
         drop(picture);
-        let anew = Gpu::open(&canted_gpu::Choice::Best).unwrap();
+        let anew = block_on(Gpu::open(&canted_gpu::Choice::Best)).unwrap();
         let fresh = SceneBvh::build(&scene, config).unwrap();
         let picture = DevicePicture::new(&anew, &surfaces, &fresh, &camera, &settings).unwrap();
         assert!(film.pixels() == rendered(&picture).pixels(), "frame {}, {config:?}", found.len());

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use bytemuck::{Pod, Zeroable};
 use canted_film::{Aov, Film, Filter, Part, Pixel};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Gpu, TracedScene, Variant};
+use canted_gpu::{Gpu, TracedScene, Variant, block_on};
 use canted_renderer::{
     DevicePicture, Integrator, Levels, Monitor, Pattern, SampleSums, Sampler, SceneBvh, Settings, Surfaces,
     traced_scene,
@@ -232,8 +232,8 @@ fn of_device(gpu: &Gpu, pattern: &str, asks: &[Ask]) -> Vec<Answer> {
     let mut commands = gpu.commands();
     let groups = kernel.groups(u32::try_from(asks.len()).unwrap());
     commands.dispatch(&kernel, &[("queries", &asked), ("answers", &answers)], groups).unwrap();
-    commands.run().unwrap();
-    gpu.read(&answers).unwrap()
+    block_on(commands.run()).unwrap();
+    block_on(gpu.read(&answers)).unwrap()
 }
 
 /// A hash unrelated to the sampler's.

@@ -3,7 +3,7 @@
 
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Hair, Mesh, displaced_icosphere, grid, hair, object_views, scaffold, soup, truss};
-use canted_gpu::{Choice, DeviceHit, DeviceRay, Gpu, Limits, Outcome, SceneInput, TracedScene};
+use canted_gpu::{Choice, DeviceHit, DeviceRay, Gpu, Limits, Options, Outcome, Source, TracedScene, block_on};
 use canted_tests::closed::placements;
 use canted_tests::rays;
 use canted_tests::scenes::{baked, transforms};
@@ -38,7 +38,7 @@ struct Tally {
 
 impl Tally {
     fn add(&mut self, gpu: &Gpu, bvh: &TriangleBvh, rays: &[Ray], bound_scale: f64) {
-        let scene = TracedScene::new(gpu, SceneInput::upload([bvh])).unwrap();
+        let scene = block_on(TracedScene::new(gpu, Source::wide(bvh), Options::default())).unwrap();
         self.compare(gpu, &scene, bvh, rays, bound_scale);
     }
 
@@ -46,7 +46,7 @@ impl Tally {
         let rays: Vec<_> = rays.iter().filter_map(|ray| Some((ray, ScaledRay::new(ray)?))).collect();
         let there: Vec<DeviceRay> = rays.iter().map(|(_, scaled)| DeviceRay::scaled(scaled)).collect();
         self.n_rays += rays.len();
-        for ((ray, _), outcome) in rays.iter().zip(scene.certain_hits(gpu, &there, bound_scale).unwrap()) {
+        for ((ray, _), outcome) in rays.iter().zip(block_on(scene.certain_hits(gpu, &there, bound_scale)).unwrap()) {
             let Outcome::Complete(hit) = outcome else {
                 self.n_undecided += 1;
                 continue;
@@ -124,7 +124,7 @@ fn certain_hits_of_instances_are_the_cpus() {
     let mut n_wrong = 0;
     for config in [Config::default(), of_one_kind(NodeKind::Aligned), of_one_kind(NodeKind::Oriented)] {
         let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-        let scene = TracedScene::new(&gpu, SceneInput::upload(&bottom).instances(&instances)).unwrap();
+        let scene = block_on(TracedScene::new(&gpu, Source::tlas(&bottom, &instances), Options::default())).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let [mut tally, mut of_negative] = [Tally::default(), Tally::default()];
         tally.compare(&gpu, &scene, &tlas, &all_rays, 1.0);
@@ -145,7 +145,7 @@ fn instances_leave_few_rays_undecided() {
     let instances: Vec<Instance> =
         placements().iter().map(|placement| Instance::new(0, placement.world_from_object)).collect();
     let bottom = [build(&mesh, &Config::default())];
-    let scene = TracedScene::new(&gpu, SceneInput::upload(&bottom).instances(&instances)).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::tlas(&bottom, &instances), Options::default())).unwrap();
     let tlas = Tlas::new(bottom.into(), &instances, TopConfig::default()).unwrap();
     for instance in &instances {
         let there = baked(&mesh, &instance.world_from_object);
@@ -195,14 +195,17 @@ fn moved(instances: &[Instance]) -> Vec<Instance> {
 fn devices_with_eight_buffers_answer_alike() {
     let wide = gpu();
     let lower = |limits: Limits| Limits { max_storage_buffers_per_shader_stage: 8, ..limits };
-    let narrow = Gpu::with_limits(&Choice::Best, lower).unwrap();
+    let narrow = block_on(Gpu::with_limits(&Choice::Best, lower)).unwrap();
     let (meshes, still) = placed_twice();
     let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &Config::default())).collect();
     let all_rays = rays::from_inside(&meshes[0], 300, 6);
     for (instances, all_are_exact) in [(&still, false), (&moved(&still), true)] {
         let answers = [&wide, &narrow].map(|gpu| {
-            let scene = TracedScene::new(gpu, SceneInput::upload(&bottom).instances(instances)).unwrap();
-            let answers = (scene.closest_hits(gpu, &all_rays).unwrap(), scene.occluded(gpu, &all_rays).unwrap());
+            let scene = block_on(TracedScene::new(gpu, Source::tlas(&bottom, instances), Options::default())).unwrap();
+            let answers = (
+                block_on(scene.closest_hits(gpu, &all_rays)).unwrap(),
+                block_on(scene.occluded(gpu, &all_rays)).unwrap(),
+            );
             (answers, scene.n_exact_rays())
         });
         assert!(answers[0].0 == answers[1].0);
@@ -224,16 +227,19 @@ fn kernels_without_checks_answer_as_those_with_them() {
         let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
         let inputs = || {
             [
-                SceneInput::upload([&flat]),
-                SceneInput::upload([&flat]).parts(&[0, 7]),
-                SceneInput::upload(&bottom).instances(&instances),
-                SceneInput::upload(&bottom).instances(&moving),
+                (Source::wide(&flat), Options::default()),
+                (Source::wide(&flat), Options { parts: &[0, 7] }),
+                (Source::tlas(&bottom, &instances), Options::default()),
+                (Source::tlas(&bottom, &moving), Options::default()),
             ]
         };
         for (number, (one, other)) in inputs().into_iter().zip(inputs()).enumerate() {
-            let [without, with] = [(&unchecked, one), (&checked, other)].map(|(gpu, input)| {
-                let scene = TracedScene::new(gpu, input).unwrap();
-                (scene.closest_hits(gpu, &all_rays).unwrap(), scene.occluded(gpu, &all_rays).unwrap())
+            let [without, with] = [(&unchecked, one), (&checked, other)].map(|(gpu, (source, options))| {
+                let scene = block_on(TracedScene::new(gpu, source, options)).unwrap();
+                (
+                    block_on(scene.closest_hits(gpu, &all_rays)).unwrap(),
+                    block_on(scene.occluded(gpu, &all_rays)).unwrap(),
+                )
             });
             assert!(without == with, "input {number}, {config:?}");
         }

@@ -2,7 +2,7 @@
 
 use canted_fixtures::Mesh;
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
+use canted_gpu::{Gpu, GpuError, Options, Outcome, Source, TracedScene, block_on};
 use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
 use canted_tests::scenes::chain;
@@ -83,8 +83,8 @@ fn rays(depth: u16) -> Vec<Ray> {
 
 /// The first ray whose answers differ from the triangle that a loop finds.
 fn first_difference(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], wants: &[Option<u32>]) -> Option<String> {
-    let hits = scene.closest_hits(gpu, rays).unwrap();
-    let occluded = scene.occluded(gpu, rays).unwrap();
+    let hits = block_on(scene.closest_hits(gpu, rays)).unwrap();
+    let occluded = block_on(scene.occluded(gpu, rays)).unwrap();
     assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
     rays.iter().zip(hits).zip(occluded).zip(wants).find_map(|(((ray, hit), occluded), &want)| {
         let is_right = match hit {
@@ -109,7 +109,7 @@ fn hits_are_found_up_to_the_greatest_depth() {
         let n_hit = wants.iter().flatten().count();
         // The first sector is empty, and rays that start among the triangles miss some of the sparse ones.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
-        let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
+        let scene = block_on(TracedScene::new(&gpu, Source::wide(&tree), Options::default())).unwrap();
         assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "depth {depth}");
     }
 }
@@ -119,12 +119,16 @@ fn bvhs_too_deep_are_rejected() {
     let refused = "the stack of a ray: requires 129 levels of nodes, the device supports 128; use another builder";
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
     let (_, tree) = deep(129);
-    assert_eq!(error(TracedScene::new(&gpu, SceneInput::upload([&tree]))), refused);
+    assert_eq!(error(block_on(TracedScene::new(&gpu, Source::wide(&tree), Options::default()))), refused);
     // The depths of both levels add up.
     let (_, tree) = deep(128);
-    assert!(TracedScene::new(&gpu, SceneInput::upload([&tree])).is_ok());
+    assert!(block_on(TracedScene::new(&gpu, Source::wide(&tree), Options::default())).is_ok());
     assert_eq!(
-        error(TracedScene::new(&gpu, SceneInput::upload([&tree]).instances(&[Instance::new(0, Affine::IDENTITY); 2]))),
+        error(block_on(TracedScene::new(
+            &gpu,
+            Source::tlas([&tree], &[Instance::new(0, Affine::IDENTITY); 2]),
+            Options::default()
+        ))),
         refused
     );
 }
@@ -137,6 +141,6 @@ fn the_comparison_detects_a_lost_hit_in_a_deep_bvh() {
     let n = fewer.triangles.len();
     fewer.triangles[n - 1] = fewer.triangles[0];
     let tree = build(&fewer, &of_one_kind(NodeKind::Aligned));
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&tree), Options::default())).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
 }

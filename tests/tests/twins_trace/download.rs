@@ -7,7 +7,7 @@ use canted_fixtures::{
     grid, icosphere, scaffold_of, soup, thin_box,
 };
 use canted_gpu::{
-    DeviceBvh, DownloadedBvh, Gpu, SceneInput, TracedScene,
+    DeviceBvh, DownloadedBvh, Gpu, Options, Source, TracedScene, block_on,
     build::{BuildConfig, Topology, WideConfig},
     wgpu,
 };
@@ -34,7 +34,7 @@ fn corners(mesh: &Mesh) -> Vec<Corners> {
 }
 
 fn scene(gpu: &Gpu, mesh: &Mesh, bvh: DeviceBvh) -> TracedScene {
-    TracedScene::new(gpu, SceneInput::build([&corners(mesh)], bvh)).unwrap()
+    block_on(TracedScene::new(gpu, Source::build([&corners(mesh)], bvh), Options::default())).unwrap()
 }
 
 fn binary(strategy: Strategy) -> DeviceBvh {
@@ -77,7 +77,7 @@ fn downloaded_bvhs_have_the_hits_of_the_cpu() {
             wide(Strategy::Combined, Topology::Radix),
             wide(Strategy::Combined, Topology::Ploc),
         ] {
-            let downloaded = scene(&gpu, mesh, bvh).download(&gpu).unwrap();
+            let downloaded = block_on(scene(&gpu, mesh, bvh).download(&gpu)).unwrap();
             let is_wide = matches!(downloaded, DownloadedBvh::Wide(_));
             assert_eq!(is_wide, matches!(bvh, DeviceBvh::Wide(_)), "{bvh:?}");
             let n_hits = same_hits(&downloaded, mesh, &expected);
@@ -96,7 +96,7 @@ fn downloaded_bvhs_have_the_hits_of_the_cpu() {
             }
         }
     }
-    let none = scene(&gpu, &soup(5, 0), binary(Strategy::Aabb)).download(&gpu).unwrap();
+    let none = block_on(scene(&gpu, &soup(5, 0), binary(Strategy::Aabb)).download(&gpu)).unwrap();
     assert!(closest(&none, &Ray::new([0.0; 3], [1.0, 0.0, 0.0])).is_none());
 }
 
@@ -111,7 +111,8 @@ fn a_downloaded_radix_tree_is_that_of_the_cpu() {
     for mesh in [soup(6, 2000), grid(7, [30, 40])] {
         let config = Bvh2Config { bits: Bits::B63, ..Bvh2Config::default() };
         let expected = Bvh2::build(&mesh.positions, &mesh.triangles, &config).unwrap();
-        let DownloadedBvh::Binary(found) = scene(&gpu, &mesh, binary(Strategy::Aabb)).download(&gpu).unwrap() else {
+        let DownloadedBvh::Binary(found) = block_on(scene(&gpu, &mesh, binary(Strategy::Aabb)).download(&gpu)).unwrap()
+        else {
             panic!("a binary BVH was built");
         };
         assert!(boxes(&found) == boxes(&expected) && boxes(&found).len() > 1000);
@@ -125,20 +126,25 @@ fn bvhs_of_the_cpu_and_meshes_of_two_levels_come_back() {
     let of_mesh: Vec<Vec<Corners>> = meshes.iter().map(corners).collect();
     let instances = [0, 1, 1].map(|mesh| Instance::new(mesh, Affine::IDENTITY));
     for input in [
-        SceneInput::upload(&of_cpu),
-        SceneInput::build(&of_mesh, binary(Strategy::Combined)),
-        SceneInput::build(&of_mesh, wide(Strategy::Combined, Topology::Radix)),
+        Source::tlas(&of_cpu, &instances),
+        Source::build(&of_mesh, binary(Strategy::Combined)).with_instances(&instances),
+        Source::build(&of_mesh, wide(Strategy::Combined, Topology::Radix)).with_instances(&instances),
     ] {
-        let scene = TracedScene::new(&gpu, input.instances(&instances)).unwrap();
+        let scene = block_on(TracedScene::new(&gpu, input, Options::default())).unwrap();
         for (number, mesh) in meshes.iter().enumerate() {
-            let n_hits = same_hits(&scene.download_mesh(&gpu, number).unwrap(), mesh, &of_cpu[number]);
+            let n_hits = same_hits(&block_on(scene.download_mesh(&gpu, number)).unwrap(), mesh, &of_cpu[number]);
             assert!(n_hits > 50, "{n_hits}");
         }
-        assert!(scene.download(&gpu).unwrap_err().to_string().contains("two levels"));
-        assert_eq!(scene.download_mesh(&gpu, 2).unwrap_err().to_string(), "there is no mesh 2 in a scene of 2 meshes");
+        assert!(block_on(scene.download(&gpu)).unwrap_err().to_string().contains("two levels"));
+        assert_eq!(
+            block_on(scene.download_mesh(&gpu, 2)).unwrap_err().to_string(),
+            "there is no mesh 2 in a scene of 2 meshes"
+        );
     }
-    let uploaded = TracedScene::new(&gpu, SceneInput::upload([&of_cpu[0]])).unwrap();
-    let DownloadedBvh::Wide(found) = uploaded.download(&gpu).unwrap() else { panic!("a wide BVH was uploaded") };
+    let uploaded = block_on(TracedScene::new(&gpu, Source::wide(&of_cpu[0]), Options::default())).unwrap();
+    let DownloadedBvh::Wide(found) = block_on(uploaded.download(&gpu)).unwrap() else {
+        panic!("a wide BVH was uploaded")
+    };
     let kinds = |bvh: &TriangleBvh| bvh.sizes().nodes;
     assert_eq!(kinds(&found), kinds(&of_cpu[0]));
 }
@@ -164,10 +170,10 @@ fn damaged_bvhs_are_refused() {
             ),
         ] {
             let scene = scene(&gpu, &mesh, bvh);
-            scene.download(&gpu).unwrap();
+            block_on(scene.download(&gpu)).unwrap();
             overwrite(&gpu, &scene, at, value);
             // A half-extent that is too great holds all; the axis-aligned ones are planes.
-            if let Ok(downloaded) = scene.download(&gpu) {
+            if let Ok(downloaded) = block_on(scene.download(&gpu)) {
                 assert!(
                     matches!(bvh, DeviceBvh::Binary(BuildConfig { strategy: Strategy::PcaBounded, .. }))
                         && value == 1e6_f32.to_bits()
@@ -175,7 +181,7 @@ fn damaged_bvhs_are_refused() {
                 same_hits(&downloaded, &mesh, &build(&mesh, &Config::default()));
                 continue;
             }
-            let message = scene.download(&gpu).unwrap_err().to_string();
+            let message = block_on(scene.download(&gpu)).unwrap_err().to_string();
             assert!(message.starts_with("the BVH on the device is damaged: "), "{message}");
             assert!(expected.split('|').any(|part| message.contains(part)), "{bvh:?}, {at}, {value:x}: {message}");
         }

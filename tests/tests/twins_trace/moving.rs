@@ -4,7 +4,9 @@ use canted_fixtures::{
     Mesh, SplitMix64,
     device_tests::{Test, needs_device},
 };
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, SceneInput, TracedScene, Variant};
+use canted_gpu::{
+    DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Options, Outcome, Source, TracedScene, Variant, block_on,
+};
 use canted_obb::Affine;
 use canted_tests::{
     closed::placements,
@@ -87,8 +89,8 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<
     bound.push(("hits", &answers));
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(rays.len()).unwrap())).unwrap();
-    commands.run().unwrap();
-    let found = gpu.read(&answers).unwrap();
+    block_on(commands.run()).unwrap();
+    let found = block_on(gpu.read(&answers)).unwrap();
     let answer = |(ray, hit): (&ScaledRay, DeviceHit)| match u32::MAX - hit.instance {
         0 => Outcome::Complete(None),
         1 => Outcome::Incomplete,
@@ -105,7 +107,7 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     let crowd = crowd();
     let (_, config) = few_variants().remove(0);
     let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-    let scene = TracedScene::new(gpu, SceneInput::upload(&bottom).instances(&crowd)).unwrap();
+    let scene = block_on(TracedScene::new(gpu, Source::tlas(&bottom, &crowd), Options::default())).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
     let mut tally = Tally::default();
     let mut rng = SplitMix64::new(11);

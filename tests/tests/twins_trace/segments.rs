@@ -2,7 +2,7 @@
 
 use canted_fixtures::SplitMix64;
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, Limits, Outcome, SceneInput, TracedScene};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, Limits, Options, Outcome, Source, TracedScene, block_on};
 use canted_obb::Affine;
 use canted_tests::closed::placements;
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -151,7 +151,8 @@ impl Tally {
         let rays: Vec<_> = rays.iter().filter_map(|ray| Some((ray, ScaledRay::new(ray)?))).collect();
         let there: Vec<DeviceRay> = rays.iter().map(|(_, scaled)| DeviceRay::scaled(scaled)).collect();
         self.n_rays += rays.len();
-        for ((ray, scaled), outcome) in rays.iter().zip(scene.certain_hits(gpu, &there, bound_scale).unwrap()) {
+        for ((ray, scaled), outcome) in rays.iter().zip(block_on(scene.certain_hits(gpu, &there, bound_scale)).unwrap())
+        {
             match outcome {
                 Outcome::Incomplete => self.n_left += 1,
                 Outcome::Complete(hit) => {
@@ -165,13 +166,13 @@ impl Tally {
     /// The answers of both queries, of which those that are incomplete are the CPU's.
     fn queries(&mut self, gpu: &Gpu, scene: &TracedScene, cpu: &dyn Intersect, rays: &[Ray]) {
         self.n_rays += rays.len();
-        for (ray, outcome) in rays.iter().zip(scene.closest_hits(gpu, rays).unwrap()) {
+        for (ray, outcome) in rays.iter().zip(block_on(scene.closest_hits(gpu, rays)).unwrap()) {
             match outcome {
                 Outcome::Incomplete => self.n_left += 1,
                 Outcome::Complete(hit) => self.take(ray, cpu.closest_hit(ray), hit),
             }
         }
-        for (ray, outcome) in rays.iter().zip(scene.occluded(gpu, rays).unwrap()) {
+        for (ray, outcome) in rays.iter().zip(block_on(scene.occluded(gpu, rays)).unwrap()) {
             if let Outcome::Complete(occluded) = outcome {
                 assert_eq!(occluded, cpu.occluded(ray), "{ray:?}");
             }
@@ -199,7 +200,7 @@ fn of_clouds(n_rays: usize, bound_scale: f64, mut each: impl FnMut(&str, &Tally)
         let mut tally = Tally::default();
         for config in [Config::default(), Config::default().axis_aligned()] {
             let bvh = WideBvh::over_with(segments.clone(), config).unwrap();
-            let scene = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
+            let scene = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
             tally.certain(&gpu, &scene, &bvh, &rays, bound_scale);
         }
         each(&format!("scale {scale:e}, offset {offset:?}"), &tally);
@@ -251,11 +252,11 @@ fn instances_of_triangles_and_segments_answer_as_on_the_cpu() {
         })
         .filter(|ray| ray.direction != [0.0; 3])
         .collect();
-    let scene = TracedScene::new(
+    let scene = block_on(TracedScene::new(
         &gpu,
-        SceneInput::upload([canted_gpu::HostBvh::from(&curves), canted_gpu::HostBvh::from(&triangles)])
-            .instances(&instances),
-    )
+        Source::tlas([canted_gpu::HostBvh::from(&curves), canted_gpu::HostBvh::from(&triangles)], &instances),
+        Options::default(),
+    ))
     .unwrap();
     let bottom: Vec<Box<dyn Intersect>> = vec![Box::new(curves), Box::new(triangles)];
     let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
@@ -285,7 +286,7 @@ fn hair_leaves_few_rays_to_the_cpu() {
         }
     }
     let bvh = WideBvh::over(hairs).unwrap();
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
     let rays: Vec<Ray> = (0..20_000)
         .map(|_| {
             let origin = [3.0, 0.2, 0.1];
@@ -303,16 +304,16 @@ fn hair_leaves_few_rays_to_the_cpu() {
 /// Where the list of undecided rays would be the ninth buffer, the CPU traces all rays.
 fn devices_with_eight_buffers_leave_moving_segments_to_the_cpu() {
     let lower = |limits: Limits| Limits { max_storage_buffers_per_shader_stage: 8, ..limits };
-    let narrow = Gpu::with_limits(&canted_gpu::Choice::Best, lower).unwrap();
+    let narrow = block_on(Gpu::with_limits(&canted_gpu::Choice::Best, lower)).unwrap();
     let bvh = WideBvh::over(vec![RoundSegment { ends: [[0.0; 3], [1.0, 0.0, 0.0]], radii: [0.25, 0.5] }]).unwrap();
     let ray = Ray::new([0.5, 0.0, 5.0], [0.0, 0.0, -1.0]);
     let still = Instance::new(0, Affine::IDENTITY);
     let moving = Instance { world_from_object_close: Some(Affine::translation([0.1, 0.0, 0.0])), ..still };
     let answer = |instance: Instance| {
         let instances = [instance];
-        let scene = TracedScene::new(&narrow, SceneInput::upload([&bvh]).instances(&instances)).unwrap();
-        let hits = scene.closest_hits(&narrow, &[ray]).unwrap();
-        (hits[0], scene.occluded(&narrow, &[ray]).unwrap()[0])
+        let scene = block_on(TracedScene::new(&narrow, Source::tlas([&bvh], &instances), Options::default())).unwrap();
+        let hits = block_on(scene.closest_hits(&narrow, &[ray])).unwrap();
+        (hits[0], block_on(scene.occluded(&narrow, &[ray])).unwrap()[0])
     };
     let (hit, occluded) = answer(still);
     let expected = bvh.closest_hit(&ray).unwrap();
@@ -325,8 +326,8 @@ fn devices_with_eight_buffers_leave_moving_segments_to_the_cpu() {
 fn what_needs_triangles_is_refused() {
     let gpu = gpu();
     let bvh = WideBvh::over(vec![RoundSegment { ends: [[0.0; 3], [1.0, 0.0, 0.0]], radii: [0.25, 0.5] }]).unwrap();
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
     let refused = |error: canted_gpu::GpuError| error.to_string().contains("curves");
     assert!(refused(scene.module(1).unwrap_err()));
-    assert!(refused(scene.download(&gpu).unwrap_err()));
+    assert!(refused(block_on(scene.download(&gpu)).unwrap_err()));
 }

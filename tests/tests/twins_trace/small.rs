@@ -3,7 +3,7 @@
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, SplitMix64, icosphere};
 use canted_gpu::build::BuildConfig;
-use canted_gpu::{DeviceHit, Gpu, Outcome, SceneInput, TracedScene};
+use canted_gpu::{DeviceHit, Gpu, Options, Outcome, Source, TracedScene, block_on};
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_obb::Affine;
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -98,7 +98,7 @@ fn answers(
     on_cpu: impl Fn(&Ray) -> Option<Hit>,
 ) -> Differences {
     let mut differences = Differences::default();
-    for (ray, hit) in rays.iter().zip(scene.closest_hits(gpu, rays).unwrap()) {
+    for (ray, hit) in rays.iter().zip(block_on(scene.closest_hits(gpu, rays)).unwrap()) {
         differences.count(ray, radius, on_cpu(ray), hit);
     }
     differences
@@ -125,12 +125,12 @@ fn small_spheres_in_one_level_are_hit_as_on_the_cpu() {
         let mesh = merged(&centers, radius);
         let bvh: TriangleBvh = build(&mesh, &Config::default());
         let name = |kind: &str| format!("{kind}, radius {radius} in {extent}");
-        let wide = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
+        let wide = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
         check(&name("wide"), &answers(&gpu, &wide, &rays, radius, |ray| bvh.closest_hit(ray)));
         let corners: Vec<Corners> =
             mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect();
         let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Aabb };
-        let binary = TracedScene::new(&gpu, SceneInput::build([&corners], config)).unwrap();
+        let binary = block_on(TracedScene::new(&gpu, Source::build([&corners], config), Options::default())).unwrap();
         check(&name("built on the device"), &answers(&gpu, &binary, &rays, radius, |ray| bvh.closest_hit(ray)));
     }
 }
@@ -155,7 +155,7 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
             })
             .collect();
         let bvh: TriangleBvh = build(&icosphere(2), &Config::default());
-        let scene = TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&instances)).unwrap();
+        let scene = block_on(TracedScene::new(&gpu, Source::tlas([&bvh], &instances), Options::default())).unwrap();
         let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
         let differences = answers(&gpu, &scene, &rays, radius, |ray| tlas.closest_hit(ray));
         check(&format!("two levels, radius {radius} in {extent}"), &differences);
@@ -180,17 +180,22 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
     };
     let bvh: TriangleBvh = build(&mesh, &Config::default());
     let two = [
-        TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&instances)).unwrap(),
-        TracedScene::new(&gpu, SceneInput::build(&[&corners(&mesh)], BuildConfig::default()).instances(&instances))
-            .unwrap(),
+        block_on(TracedScene::new(&gpu, Source::tlas([&bvh], &instances), Options::default())).unwrap(),
+        block_on(TracedScene::new(
+            &gpu,
+            Source::build(&[&corners(&mesh)], BuildConfig::default()).with_instances(&instances),
+            Options::default(),
+        ))
+        .unwrap(),
     ];
     let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
     let mut there = mesh;
     there.positions.iter_mut().for_each(|p| *p = map.point(*p));
     let bvh: TriangleBvh = build(&there, &Config::default());
     let one = [
-        TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap(),
-        TracedScene::new(&gpu, SceneInput::build([&corners(&there)], BuildConfig::default())).unwrap(),
+        block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap(),
+        block_on(TracedScene::new(&gpu, Source::build([&corners(&there)], BuildConfig::default()), Options::default()))
+            .unwrap(),
     ];
     let mut rng = SplitMix64::new(23);
     let rays: Vec<Ray> = (0..20_000)
@@ -204,7 +209,7 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
         .collect();
     let compare = |name: &str, scene: &TracedScene, on_cpu: &dyn Fn(&Ray) -> Option<Hit>| {
         let (mut n_hits, mut n_other) = (0, 0);
-        for (ray, found) in rays.iter().zip(scene.closest_hits(&gpu, &rays).unwrap()) {
+        for (ray, found) in rays.iter().zip(block_on(scene.closest_hits(&gpu, &rays)).unwrap()) {
             let Outcome::Complete(found) = found else { panic!("{ray:?} has no answer") };
             let on_cpu = on_cpu(ray);
             n_hits += usize::from(on_cpu.is_some());
@@ -222,8 +227,8 @@ fn directions_of_any_length_hit_at_a_finite_t() {
     let gpu = gpu();
     let bvh: TriangleBvh = build(&icosphere(1), &Config::default());
     let instance = Instance::new(0, Affine::scale([0.5, 1.0, 2.0]));
-    let one = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
-    let two = TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&[instance])).unwrap();
+    let one = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
+    let two = block_on(TracedScene::new(&gpu, Source::tlas([&bvh], &[instance]), Options::default())).unwrap();
     let tlas = Tlas::new(vec![bvh.clone()], &[instance], TopConfig::default()).unwrap();
     let mut rng = SplitMix64::new(29);
     let mut rays = vec![];
@@ -239,7 +244,7 @@ fn directions_of_any_length_hit_at_a_finite_t() {
         [("one level", &one, &bvh as &dyn Intersect), ("two levels", &two, &tlas as &dyn Intersect)]
     {
         let mut counts = [0; 2];
-        for (ray, hit) in rays.iter().zip(scene.closest_hits(&gpu, &rays).unwrap()) {
+        for (ray, hit) in rays.iter().zip(block_on(scene.closest_hits(&gpu, &rays)).unwrap()) {
             let Outcome::Complete(hit) = hit else { panic!("{name}: {ray:?} is incomplete") };
             assert_eq!(hit.is_some(), on_cpu.closest_hit(ray).is_some(), "{name}: {ray:?} {hit:?}");
             assert!(hit.is_none_or(|hit| hit.t.is_finite()), "{name}: {ray:?} {hit:?}");
@@ -256,7 +261,7 @@ fn other_spheres_are_detected() {
     let (centers, rays) = spheres_and_rays(extent, radius, 8000);
     let on_cpu: TriangleBvh = build(&merged(&centers, radius), &Config::default());
     let there: TriangleBvh = build(&merged(&centers, 1.005 * radius), &Config::default());
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&there])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&there), Options::default())).unwrap();
     let differences = answers(&gpu, &scene, &rays, radius, |ray| on_cpu.closest_hit(ray));
     assert!(differences.n_invented > 20, "{differences:?}");
 }

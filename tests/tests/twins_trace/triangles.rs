@@ -10,7 +10,7 @@ use canted_fixtures::{
 };
 use canted_gpu::{
     Buffer, BufferScene, DeviceBvh, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
-    SceneInput, TracedScene,
+    Options, Source, TracedScene, block_on,
     build::{BuildConfig, STRATEGIES, Topology, WideConfig},
     wgpu,
 };
@@ -63,12 +63,12 @@ fn of_device() -> Vec<DeviceBvh> {
 
 /// The scene of a mesh whose BVH the device builds.
 fn built(gpu: &Gpu, mesh: &Mesh, bvh: DeviceBvh) -> TracedScene {
-    TracedScene::new(gpu, SceneInput::build([&corners(mesh)], bvh)).unwrap()
+    block_on(TracedScene::new(gpu, Source::build([&corners(mesh)], bvh), Options::default())).unwrap()
 }
 
 /// The scene of a mesh whose BVH the CPU builds.
 fn uploaded(gpu: &Gpu, mesh: &Mesh, config: &Config) -> TracedScene {
-    TracedScene::new(gpu, SceneInput::upload([&build(mesh, config)])).unwrap()
+    block_on(TracedScene::new(gpu, Source::wide(&build(mesh, config)), Options::default())).unwrap()
 }
 
 /// Compares a scene on the device with the CPU's BVH over `mesh`.
@@ -162,7 +162,7 @@ fn grazing_rays_lose_no_hit_in_bvhs_of_the_device() {
             let tally = tally.unwrap_or_else(|error| panic!("{name}, {bvh:?}: {error}"));
             assert!(tally.n_cut == 0 && tally.n_same > 0, "{name}, {bvh:?}: {tally:?}");
             // The same triangles in buffers, without reading anything back.
-            let scene = BufferScene::new(&gpu, &buffers.meshes(), bvh).unwrap();
+            let scene = block_on(BufferScene::new(&gpu, &buffers.meshes(), bvh)).unwrap();
             let in_buffers = compared(&gpu, &mesh, scene.traced(), &rays);
             let in_buffers = in_buffers.unwrap_or_else(|error| panic!("{name}, {bvh:?} in buffers: {error}"));
             assert_eq!(in_buffers, tally, "{name}, {bvh:?}");
@@ -296,8 +296,8 @@ fn rays_through_instances_lose_no_hit() {
     let placed = Placed::new();
     for (variant, config) in few_variants() {
         let bottom: Vec<TriangleBvh> = placed.meshes.iter().map(|mesh| build(mesh, &config)).collect();
-        let scene = SceneInput::upload(&bottom).instances(&placed.instances);
-        placed.check(&gpu, &TracedScene::new(&gpu, scene).unwrap(), &variant);
+        let scene = Source::tlas(&bottom, &placed.instances);
+        placed.check(&gpu, &block_on(TracedScene::new(&gpu, scene, Options::default())).unwrap(), &variant);
     }
     // The same instances in buffers: they are placed on the device, and nothing is read back.
     let buffers = Buffers::new(&gpu, &placed.meshes);
@@ -309,10 +309,11 @@ fn rays_through_instances_lose_no_hit() {
         InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride: 64, n_instances, has_masks: false };
     for bvh in of_device() {
         let scene = placed.with(|meshes, instances| {
-            TracedScene::new(&gpu, SceneInput::build(meshes, bvh).instances(instances)).unwrap()
+            block_on(TracedScene::new(&gpu, Source::build(meshes, bvh).with_instances(instances), Options::default()))
+                .unwrap()
         });
         placed.check(&gpu, &scene, &format!("{bvh:?}"));
-        let scene = InstancedScene::new(&gpu, &buffers.meshes(), &instances, bvh).unwrap();
+        let scene = block_on(InstancedScene::new(&gpu, &buffers.meshes(), &instances, bvh)).unwrap();
         placed.check(&gpu, scene.traced(), &format!("recorded {bvh:?}"));
     }
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use anyhow::{Result, ensure};
 use canted_fixtures::{SplitMix64, soup};
-use canted_gpu::{SceneInput, TracedScene};
+use canted_gpu::{Options, Source, TracedScene, block_on};
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
 use canted_tests::{
@@ -98,7 +98,9 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let scene = device.map(|device| TracedScene::new(&device.gpu, SceneInput::upload([&tree]))).transpose()?;
+    let scene = device
+        .map(|device| block_on(TracedScene::new(&device.gpu, Source::wide(&tree), Options::default())))
+        .transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)
@@ -106,7 +108,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
         .collect();
     if let Some((scene, device)) = scene.as_ref().zip(device) {
         // Run once before the contest, which cannot return errors.
-        scene.closest_hits(&device.gpu, &rays)?;
+        block_on(scene.closest_hits(&device.gpu, &rays))?;
         let work = || drop(std::hint::black_box(scene.closest_hits(&device.gpu, &rays)));
         contenders.push(Contender::new(device.name(), work));
     }

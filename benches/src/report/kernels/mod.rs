@@ -7,7 +7,7 @@ mod triangles;
 mod whole;
 
 use anyhow::{Result, ensure};
-use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, Variant};
+use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Options, Source, TracedScene, Variant, block_on};
 use canted_tests::exact::Piercing;
 use canted_trace::{Ray, ScaledRay};
 use canted_wide::TriangleBvh;
@@ -201,7 +201,7 @@ pub(super) struct Device {
 impl Device {
     /// Opens the best device; otherwise adds the reason to `skipped`.
     pub(super) fn open(effort: Effort, skipped: &mut Vec<String>) -> Option<Self> {
-        match Gpu::open(&Choice::Best) {
+        match block_on(Gpu::open(&Choice::Best)) {
             Ok(gpu) => {
                 // Enough to occupy a device without taking too long on a software driver.
                 let n_rays = if gpu.info().kind == AdapterKind::Software { 1 << 16 } else { 1 << 20 };
@@ -262,7 +262,7 @@ impl Device {
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples, Samples)> {
         let gpu = &self.gpu;
-        let scene = TracedScene::new(gpu, SceneInput::upload(trees).instances(&[]))?;
+        let scene = block_on(TracedScene::new(gpu, Source::tlas(trees, &[]), Options::default()))?;
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let kernel = gpu.kernel(name, &scene.specialize(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
@@ -281,7 +281,7 @@ impl Device {
             let mut commands = gpu.timed_commands();
             commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
             let (times, wall) = crate::timing::time(|| commands.times());
-            let passes = times?;
+            let passes = block_on(times)?;
             let on_device = passes.iter().map(|pass| pass.milliseconds * 1e6).sum::<f64>();
             if round > 0 {
                 ns.push(to_ns * if passes.is_empty() { wall.wall * 1e9 } else { on_device });
@@ -295,14 +295,14 @@ impl Device {
                 bound.push((into, &answers));
                 let mut commands = gpu.timed_commands();
                 commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
-                commands.times()?;
-                gpu.read_first(&answers, all.len())?;
+                block_on(commands.times())?;
+                block_on(gpu.read_first(&answers, all.len()))?;
                 Ok(())
             });
             done?;
             with_transfer.push(to_ns * took.wall * 1e9);
         }
-        Ok((gpu.read_first(&answers, own.len())?, ns.into(), with_transfer.into()))
+        Ok((block_on(gpu.read_first(&answers, own.len()))?, ns.into(), with_transfer.into()))
     }
 }
 

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use canted_fixtures::View;
-use canted_gpu::{AdapterKind, Choice, Gpu, Outcome, SceneInput, TracedScene};
+use canted_gpu::{AdapterKind, Choice, Gpu, Options, Outcome, Source, TracedScene, block_on};
 use canted_lbvh::{ChildKind, NodeId, Tree, VolumeConfig, Volumes, volumes};
 use canted_obb::{Aabb, Obb};
 use canted_sah::{TopDownConfig, top_down};
@@ -44,7 +44,7 @@ pub(super) fn moving(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let head = ["scene", "on", "rays", "seconds", "M rays/s", "least", "most", "pictures a second", "hit"];
     let mut table = Table::new(title, &head);
     let (mut series, mut found) = (vec![], vec![]);
-    let gpu = Gpu::open(&Choice::Best).ok();
+    let gpu = block_on(Gpu::open(&Choice::Best)).ok();
     for (name, model) in scenes(effort, &["sponza", "country_kitchen", models::BUILT_IN], chapter)? {
         let bvh =
             TriangleBvh::build_with(&model.mesh.positions, &model.mesh.triangles, Config::preset(Preset::Balanced))?;
@@ -62,9 +62,9 @@ pub(super) fn moving(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         series.push(Series::line(name, pictures.rates.iter().enumerate().map(point).collect()));
         table.rows.push(pictures.row(name, "CPU".to_owned()));
         let Some(gpu) = &gpu else { continue };
-        let scene = TracedScene::new(gpu, SceneInput::upload([&bvh]))?;
+        let scene = block_on(TracedScene::new(gpu, Source::wide(&bvh), Options::default()))?;
         let on_device = |rays: &[Ray]| -> Result<usize> {
-            let hits = scene.closest_hits(gpu, rays)?;
+            let hits = block_on(scene.closest_hits(gpu, rays))?;
             Ok(hits.iter().filter(|hit| matches!(hit, Outcome::Complete(Some(_)))).count())
         };
         // A software driver takes a second for 65,536 rays.

@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_fixtures::Mesh;
 use canted_gpu::{
-    AdapterKind, Choice, Gpu, SceneInput, TracedScene,
+    AdapterKind, Choice, Gpu, Options, Source, TracedScene, block_on,
     build::{self, Passes, Primitives},
 };
 use canted_lbvh::{Bits, Costs, Domain, Strategy, Tree, TreeCost, VolumeConfig};
@@ -506,7 +506,7 @@ fn wide_levels(model: &Model, pieces: &[Mesh], instances: &[Instance]) -> Result
 
 /// Camera rays through wide BVHs of one level and of two on a device.
 pub(super) fn levels_on_device(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
-    let Ok(gpu) = Gpu::open(&Choice::Best) else { return Ok(Found::default()) };
+    let Ok(gpu) = block_on(Gpu::open(&Choice::Best)) else { return Ok(Found::default()) };
     let title =
         format!("A camera ray in one level and in two on a device: {}, WideBvh, with transfers", gpu.info().name);
     let mut table = Table::new(title, &["scene", "meshes", "one level", "two", "rate of two over one"]);
@@ -517,10 +517,10 @@ pub(super) fn levels_on_device(chapter: &mut Chapter, effort: Effort) -> Result<
         let instances: Vec<Instance> = (0u32..).zip(&pieces).map(|(i, _)| Instance::new(i, Affine::IDENTITY)).collect();
         let (one, two) = wide_levels(&model, &pieces, &instances)?;
         let [one, two] = [
-            TracedScene::new(&gpu, SceneInput::upload([&one]))?,
-            TracedScene::new(&gpu, SceneInput::upload(two.blas()).instances(&instances))?,
+            block_on(TracedScene::new(&gpu, Source::wide(&one), Options::default()))?,
+            block_on(TracedScene::new(&gpu, Source::tlas(two.blas(), &instances), Options::default()))?,
         ];
-        let on = |scene: &TracedScene| scene.closest_hits(&gpu, &rays).map(drop);
+        let on = |scene: &TracedScene| block_on(scene.closest_hits(&gpu, &rays)).map(drop);
         let contenders = [&one, &two].map(|scene| timing::Contender::new("", move || on(scene)));
         let timings = timing::try_run(effort.pick(1, 3, 7), Vec::from(contenders))?;
         let rate = number(1.0 / timing::ratio(&timings[1].seconds, &timings[0].seconds));
@@ -654,7 +654,7 @@ const THEIRS_ON_DEVICE: [(&str, [f64; 4]); 3] = [
 ];
 
 pub(super) fn on_device(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
-    let gpu = match Gpu::open(&Choice::Best) {
+    let gpu = match block_on(Gpu::open(&Choice::Best)) {
         Ok(gpu) => gpu,
         Err(error) => {
             chapter.skipped.push(format!("Passes on a device (table 5): {error}."));
@@ -675,7 +675,7 @@ pub(super) fn on_device(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
         let items = Primitives::triangles(&gpu, [&corners[..]])?;
-        let Passes { codes, tree, boxes, error, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
+        let Passes { codes, tree, boxes, error, .. } = block_on(Passes::measure(&gpu, &items, Bits::B63, runs))?;
         chapter.skipped.extend(error.map(|error| format!("Some passes of {name} on the device: {error}.")));
         let of =
             |wanted: Strategy| build::STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);

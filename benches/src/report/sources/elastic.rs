@@ -1,7 +1,7 @@
 //! A falling elastic body by stage of a frame (the BIH thesis's 4.3).
 
 use anyhow::Result;
-use canted_gpu::{AdapterKind, Choice, Gpu};
+use canted_gpu::{AdapterKind, Choice, Gpu, block_on};
 use canted_renderer::{Settings, Surfaces, UpdateOptions, UpdatePolicy, View, traced_scene};
 use elastic::{Material, Simulation, torus};
 
@@ -29,7 +29,7 @@ const FPS: f64 = 24.0;
 pub(super) fn by_stage(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let sizes = effort.pick(&[[32, 18]][..], &[[640, 360]], &[[640, 360], [1920, 1080]]);
     let segments = effort.pick([24, 8], [96, 32], [192, 64]);
-    let gpu = Gpu::open(&Choice::Best).ok();
+    let gpu = block_on(Gpu::open(&Choice::Best)).ok();
     let mut table = Table::new(
         "A falling elastic body by stage of a frame (the BIH thesis's 4.3), one thread",
         &["triangles", "stage", "picture", "time"],

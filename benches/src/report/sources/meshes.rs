@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 use canted_fixtures::Mesh;
 use canted_gpu::{
-    AdapterKind, Choice, Gpu,
+    AdapterKind, Choice, Gpu, block_on,
     build::{self, BuildConfig, BuildEncoder, Built, Passes, Primitives},
 };
 use canted_lbvh::{Bits, Corners, Domain, Strategy, VolumeConfig};
@@ -42,7 +42,7 @@ pub(super) fn passes_by_size(chapter: &mut Chapter, effort: Effort) -> Result<Fo
     let sizes = effort.pick(&[6, 7, 8][..], &[11, 13, 15, 17], &[11, 13, 15, 17, 19]);
     let on_cpu = one_thread(|| sizes.iter().map(|&log2| on_cpu(log2, effort)).collect::<Result<BySize>>())??;
     let mut all = vec![("one thread".to_owned(), on_cpu)];
-    match Gpu::open(&Choice::Best) {
+    match block_on(Gpu::open(&Choice::Best)) {
         Ok(gpu) => {
             let is_slow = gpu.info().kind == AdapterKind::Software;
             let sizes = if is_slow { &sizes[..3] } else { sizes };
@@ -105,7 +105,7 @@ fn on_device(gpu: &Gpu, log2: u32, effort: Effort) -> Result<(usize, [Samples; 4
     let model = scaffold(log2);
     let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
     let items = Primitives::triangles(gpu, [&corners[..]])?;
-    let passes = Passes::measure(gpu, &items, Bits::B63, effort.pick(1, 2, 5))?;
+    let passes = block_on(Passes::measure(gpu, &items, Bits::B63, effort.pick(1, 2, 5)))?;
     let ms = BOXES.map(|wanted| {
         let at = build::STRATEGIES.iter().position(|&strategy| strategy == wanted);
         Samples::from(at.and_then(|at| passes.boxes[at]).unwrap_or(f64::NAN))
@@ -115,7 +115,7 @@ fn on_device(gpu: &Gpu, log2: u32, effort: Effort) -> Result<(usize, [Samples; 4
 
 /// The trees of all meshes by the same dispatches, compared with dispatches for each mesh.
 pub(super) fn one_dispatch(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
-    let gpu = match Gpu::open(&Choice::Best) {
+    let gpu = match block_on(Gpu::open(&Choice::Best)) {
         Ok(gpu) => gpu,
         Err(error) => {
             chapter.skipped.push(format!("One dispatch over all meshes (3.6.1): {error}."));
@@ -174,11 +174,11 @@ pub(super) fn one_dispatch(chapter: &mut Chapter, effort: Effort) -> Result<Foun
 fn built_in_groups(gpu: &Gpu, groups: &[&[Vec<Corners>]], config: BuildConfig) -> Result<f64> {
     let items = groups.iter().map(|group| Primitives::triangles(gpu, group.iter().map(|corners| &corners[..])));
     let items = items.collect::<Result<Vec<_>, _>>()?;
-    gpu.finish()?;
+    block_on(gpu.finish())?;
     let start = Instant::now();
-    let built = items.into_iter().map(|items| Built::new(&mut BuildEncoder::new(gpu), items, config));
+    let built = items.into_iter().map(|items| block_on(Built::new(&mut BuildEncoder::new(gpu), items, config)));
     let built = built.collect::<Result<Vec<_>, _>>()?;
-    gpu.finish()?;
+    block_on(gpu.finish())?;
     let ms = start.elapsed().as_secs_f64() * 1e3;
     drop(built);
     Ok(ms)

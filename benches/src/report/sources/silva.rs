@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use canted_fixtures::Mesh;
-use canted_gpu::{AdapterKind, Choice, Gpu, SceneInput, TracedScene};
+use canted_gpu::{AdapterKind, Choice, Gpu, Options, Source, TracedScene, block_on};
 use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_tests::brute;
 use canted_trace::{Counts, Hit, Intersect, Kernel, Ray, Watertight};
@@ -227,7 +227,7 @@ pub(super) fn threads(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         &["triangles", "on", "build", "camera rays", "M rays/s", "transfer", "M rays/s with transfer"],
     );
     let (mut series, mut best) = (vec![], vec![]);
-    let gpu = Gpu::open(&Choice::Best);
+    let gpu = block_on(Gpu::open(&Choice::Best));
     if let Err(error) = &gpu {
         chapter.skipped.push(format!("Transfers to a device (Silva's rates): {error}."));
     }
@@ -318,10 +318,10 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
     let (mut transfer, mut trace) = (f64::NAN, f64::NAN);
     for _ in 0..effort.pick(1, 2, 3) {
         let start = Instant::now();
-        let scene = TracedScene::new(gpu, SceneInput::upload([&bvh]))?;
+        let scene = block_on(TracedScene::new(gpu, Source::wide(&bvh), Options::default()))?;
         transfer = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        scene.closest_hits(gpu, rays)?;
+        block_on(scene.closest_hits(gpu, rays))?;
         trace = start.elapsed().as_secs_f64() * 1e3;
     }
     let texts = [

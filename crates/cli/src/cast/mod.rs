@@ -13,7 +13,7 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
 #[cfg(feature = "gpu")]
-use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
+use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene, block_on};
 #[cfg(feature = "gpu")]
 use canted_renderer::{DeviceError, traced_scene};
 use canted_renderer::{PrepareError, SceneBvh};
@@ -275,9 +275,9 @@ fn on_gpu(
     };
     let occluded = |&is_hit: &bool| if is_hit { Answer::OCCLUDED } else { Answer::MISS };
     let answers = if args.occluded {
-        traced.occluded(gpu, rays).map(|found| completed(&found, occluded))
+        block_on(traced.occluded(gpu, rays)).map(|found| completed(&found, occluded))
     } else {
-        traced.closest_hits(gpu, rays).map(|found| completed(&found, hit))
+        block_on(traced.closest_hits(gpu, rays)).map(|found| completed(&found, hit))
     };
     let answers = answers.map_err(|error| named(gpu, error.into()))?;
     let cost = Cost { seconds: start.elapsed().as_secs_f64(), gpu_exact_rays: Some(traced.n_exact_rays()) };

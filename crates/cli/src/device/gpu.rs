@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_gpu::{AdapterKind, Choice, DeviceBvh, Gpu, GpuError, TracedScene};
+use canted_gpu::{AdapterKind, Choice, DeviceBvh, Gpu, GpuError, TracedScene, block_on};
 use canted_renderer::{DeviceError, SceneBvhConfig, built_scene};
 use canted_scene::Scene;
 use serde_json::{Value, json};
@@ -168,7 +168,7 @@ fn may_have_hardware() -> bool {
 }
 
 fn open_quietly(choice: &Choice) -> Result<Gpu, GpuError> {
-    let mut gpu = quietly(|| Gpu::open(choice))?;
+    let mut gpu = block_on(quietly(|| Gpu::open(choice)))?;
     if let Some(folder) = pipelines_folder() {
         gpu.keep_pipelines(&folder);
     }
@@ -210,7 +210,7 @@ fn warn_fallback(error: &anyhow::Error) {
 
 /// All adapters as JSON, preferred ones first.
 pub(crate) fn adapters() -> Vec<Value> {
-    let adapters = quietly(canted_gpu::adapters).into_iter().map(|info| {
+    let adapters = quietly(|| block_on(canted_gpu::adapters())).unwrap_or_default().into_iter().map(|info| {
         json!({
             "name": info.name, "kind": info.kind.to_string(), "backend": info.backend, "driver": info.driver,
             "is_software": info.kind == AdapterKind::Software, "max_binding_bytes": info.max_binding_bytes,
@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn auto_takes_the_cpu_where_a_device_lacks_something() {
         let test = "auto_takes_the_cpu_where_a_device_lacks_something";
-        let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
+        let Some(gpu) = or_skip(test, block_on(Gpu::open(&Choice::Best))) else { return };
         let unsupported = Structure { unsupported_on_gpu: Some("--accel kdtree".to_owned()), ..Structure::default() };
         let lacks = |_: &Gpu| Err::<(), _>(DeviceError::Unsupported { what: "clear coats" });
         let machine = Machine::Device(gpu);

@@ -4,7 +4,7 @@ use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
 use canted_gpu::{
-    Gpu, GpuError,
+    Gpu, GpuError, block_on,
     build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
@@ -98,7 +98,7 @@ fn pass_times(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
 /// Uploads meshes; also returns the milliseconds since `start`.
 fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Primitives, f64), GpuError> {
     let primitives = Primitives::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
-    gpu.finish()?;
+    block_on(gpu.finish())?;
     Ok((primitives, start.elapsed().as_secs_f64() * 1e3))
 }
 
@@ -106,7 +106,7 @@ fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Primi
 fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
     let mut build = BuildEncoder::new(gpu);
-    let roots = Built::new(&mut build, primitives, config)?.roots(gpu)?;
+    let roots = block_on(block_on(Built::new(&mut build, primitives, config))?.roots(gpu))?;
     let mut over_instances = || {
         let of = |instance: &Instance| Some(roots[instance.mesh.0 as usize]?.transformed(&instance.world_from_object));
         let boxes: Vec<Obb> = scene.instances.iter().filter_map(of).collect();
@@ -114,20 +114,20 @@ fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64),
             let what = "an instance whose bounds exceed the range of f32".to_owned();
             return Err(GpuError::Unsupported { what });
         }
-        Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config)
+        block_on(Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config))
     };
     over_instances()?;
-    gpu.finish()?;
+    block_on(gpu.finish())?;
     let start = Instant::now();
     let top = over_instances()?;
-    gpu.finish()?;
+    block_on(gpu.finish())?;
     let rebuild_ms = start.elapsed().as_secs_f64() * 1e3;
     Ok((level(gpu, &top.primitives, None)?, rebuild_ms))
 }
 
 /// Times every pass.
 fn level(gpu: &Gpu, primitives: &Primitives, upload: Option<f64>) -> Result<Level, GpuError> {
-    let passes = Passes::measure(gpu, primitives, Bits::B63, RUNS)?;
+    let passes = block_on(Passes::measure(gpu, primitives, Bits::B63, RUNS))?;
     Ok(Level { n_items: primitives.len(), upload, passes })
 }
 

@@ -8,9 +8,9 @@ use super::instances::MeshBoxes;
 use super::ploc::ploc;
 use super::primitives::Leaf;
 use super::stages::{Sorted, Trees, codes, domain, sort, tree};
-use super::volumes::{aabbs, obbs, obbs_async};
+use super::volumes::{aabbs, obbs};
 use super::{BuildConfig, BuildEncoder, Primitives, Range, Topology, WideConfig};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, block_on};
 
 /// The trees of a level in device memory.
 pub struct Built {
@@ -32,19 +32,7 @@ impl Built {
     ///
     /// # Errors
     /// Out of memory, device lost, or an unsupported strategy; clustering where the build is recorded, because it reads numbers back.
-    pub fn new(
-        build: &mut BuildEncoder<'_>,
-        primitives: Primitives,
-        config: impl Into<WideConfig>,
-    ) -> Result<Self, GpuError> {
-        block_on(Self::new_async(build, primitives, config))
-    }
-
-    /// [`Built::new`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Built::new`].
-    pub async fn new_async(
+    pub async fn new(
         build: &mut BuildEncoder<'_>,
         primitives: Primitives,
         config: impl Into<WideConfig>,
@@ -64,7 +52,8 @@ impl Built {
     pub(crate) fn refit_obbs(&mut self, build: &mut BuildEncoder<'_>, config: BuildConfig) -> Result<(), GpuError> {
         let Self { primitives, leaves, trees, aabbs, obbs: old } = self;
         if config.strategy != Strategy::Aabb {
-            *old = Some(obbs(build, primitives, leaves, trees, aabbs, config.strategy)?);
+            // As above.
+            *old = Some(block_on(obbs(build, primitives, leaves, trees, aabbs, config.strategy))?);
         }
         Ok(())
     }
@@ -84,7 +73,7 @@ async fn over(build: &mut BuildEncoder<'_>, primitives: &Primitives, config: Wid
     let aabbs = aabbs(build, primitives, &leaves, &trees)?;
     let obbs = match config.strategy {
         Strategy::Aabb => None,
-        strategy => Some(obbs_async(build, primitives, &leaves, &trees, &aabbs, strategy).await?),
+        strategy => Some(obbs(build, primitives, &leaves, &trees, &aabbs, strategy).await?),
     };
     Ok((leaves, trees, aabbs, obbs))
 }
@@ -127,7 +116,8 @@ impl Built {
             dispatches.work.copy_range((&**all, first), (&**own, 0), count);
             Ok(())
         })?;
-        let own = Self::new(build, primitives, config)?;
+        // What is recorded reads nothing back.
+        let own = block_on(Self::new(build, primitives, config))?;
         self.adopt(build, &own, first)
     }
 
@@ -164,15 +154,7 @@ impl Built {
     ///
     /// # Errors
     /// The device is lost.
-    pub fn roots(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
-        block_on(self.roots_async(gpu))
-    }
-
-    /// [`Built::roots`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`Built::roots`].
-    pub async fn roots_async(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
+    pub async fn roots(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
         let nodes = match &self.obbs {
             Some(obbs) => gpu.read_at(obbs, &self.firsts(|n| n > 1)).await?,
             None => gpu.read_at(&self.aabbs, &self.firsts(|n| n > 1)).await?.iter().map(Obb::from_aabb).collect(),

@@ -31,7 +31,7 @@ pub use sort::Sorter;
 pub(crate) use stages::depth_bound;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use timing::Passes;
-pub use volumes::{aabbs, obbs, obbs_async};
+pub use volumes::{aabbs, obbs};
 pub(crate) use wide::{Change, Collapse, Which};
 pub use wide::{MAX_LEAF, WideBvhs, WideLevel};
 

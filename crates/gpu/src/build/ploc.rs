@@ -219,7 +219,7 @@ impl Clusters {
             dispatches.items(&*gpu.kernel("build/ploc_nodes", &Variant::none())?, &bound, self.n)
         })?;
         depths(build, primitives, &trees)?;
-        let depth = gpu.read_async(&trees.depth).await?[0];
+        let depth = gpu.read(&trees.depth).await?[0];
         if depth > MAX_HEIGHT {
             return Err(GpuError::Unsupported {
                 what: format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}"),

@@ -29,10 +29,14 @@ impl Passes {
     ///
     /// # Errors
     /// The device is lost.
-    pub fn measure(gpu: &Gpu, primitives: &Primitives, bits: Bits, runs: usize) -> Result<Self, GpuError> {
-        let first = Self::once(gpu, primitives, bits)?;
-        let later = (0..runs).map(|_| Self::once(gpu, primitives, bits)).collect::<Result<Vec<_>, _>>()?;
-        Ok(later.into_iter().reduce(|least, other| least.least(&other)).unwrap_or(first))
+    pub async fn measure(gpu: &Gpu, primitives: &Primitives, bits: Bits, runs: usize) -> Result<Self, GpuError> {
+        let first = Self::once(gpu, primitives, bits).await?;
+        let mut least: Option<Self> = None;
+        for _ in 0..runs {
+            let run = Self::once(gpu, primitives, bits).await?;
+            least = Some(least.map_or_else(|| run.clone(), |least| least.least(&run)));
+        }
+        Ok(least.unwrap_or(first))
     }
 
     /// Total time of a build with this strategy; `None` if it is not one of [`STRATEGIES`] or a stage is missing.
@@ -56,9 +60,9 @@ impl Passes {
     }
 
     /// One build, as far as it fits into the device memory.
-    fn once(gpu: &Gpu, primitives: &Primitives, bits: Bits) -> Result<Self, GpuError> {
+    async fn once(gpu: &Gpu, primitives: &Primitives, bits: Bits) -> Result<Self, GpuError> {
         let mut passes = Self::default();
-        match passes.fill(gpu, primitives, bits) {
+        match passes.fill(gpu, primitives, bits).await {
             Err(error @ (GpuError::Limit { .. } | GpuError::OutOfMemory { .. })) => {
                 passes.error = Some(error);
                 Ok(passes)
@@ -67,7 +71,7 @@ impl Passes {
         }
     }
 
-    fn fill(&mut self, gpu: &Gpu, primitives: &Primitives, bits: Bits) -> Result<(), GpuError> {
+    async fn fill(&mut self, gpu: &Gpu, primitives: &Primitives, bits: Bits) -> Result<(), GpuError> {
         let mut build = BuildEncoder::timed(gpu);
         let domains = domain(&mut build, primitives, bits)?;
         self.domain = Some(taken(&build, &["domain"]));
@@ -81,7 +85,7 @@ impl Passes {
         self.boxes[0] = Some(taken(&build, &["aabb"]));
         for (boxes, strategy) in self.boxes.iter_mut().zip(STRATEGIES).skip(1) {
             let mut build = BuildEncoder::timed(gpu);
-            obbs(&mut build, primitives, &sorted.leaves, &trees, &axis_aligned, strategy)?;
+            obbs(&mut build, primitives, &sorted.leaves, &trees, &axis_aligned, strategy).await?;
             *boxes = Some(taken(&build, &["levels", "obb"]));
         }
         Ok(())

@@ -16,7 +16,7 @@ use super::sort::Sorter;
 use super::stages::Trees;
 use super::{BuildEncoder, Primitives};
 use crate::commands::Slot;
-use crate::{Buffer, GpuError, Kernel, NamedBinding, Variant, wait::block_on};
+use crate::{Buffer, GpuError, Kernel, NamedBinding, Variant};
 
 /// The axis-aligned box of each inner node, by slot.
 ///
@@ -42,22 +42,7 @@ pub fn aabbs(
 ///
 /// # Errors
 /// As for [`aabbs`]; or an unsupported strategy.
-pub fn obbs(
-    build: &mut BuildEncoder<'_>,
-    primitives: &Primitives,
-    leaves: &Buffer<u32>,
-    trees: &Trees,
-    aabbs: &Buffer<Aabb>,
-    strategy: Strategy,
-) -> Result<Buffer<Obb>, GpuError> {
-    block_on(obbs_async(build, primitives, leaves, trees, aabbs, strategy))
-}
-
-/// [`obbs`] for browsers.
-///
-/// # Errors
-/// As for [`obbs`].
-pub async fn obbs_async(
+pub async fn obbs(
     build: &mut BuildEncoder<'_>,
     primitives: &Primitives,
     leaves: &Buffer<u32>,
@@ -250,7 +235,7 @@ impl Schedule {
         let levels = if build.is_recorded() {
             Levels::there(build, trees, &ends)?
         } else {
-            Levels::known(&gpu.read_async(&ends).await?)
+            Levels::known(&gpu.read(&ends).await?)
         };
         Ok(Self { order, levels })
     }

@@ -16,7 +16,7 @@ use super::BuildEncoder;
 use super::built::Built;
 use super::primitives::{Range, count};
 use super::sort::prefix_sums;
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// Most triangles of a leaf: those that a ray tests at once.
 pub const MAX_LEAF: u32 = 4;
@@ -80,19 +80,7 @@ impl WideBvhs {
     ///
     /// # Errors
     /// A recorded run, trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
-    pub fn new(build: &mut BuildEncoder<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
-        block_on(Self::new_async(build, bottom, top))
-    }
-
-    /// [`WideBvhs::new`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`WideBvhs::new`].
-    pub async fn new_async(
-        build: &mut BuildEncoder<'_>,
-        bottom: &Built,
-        top: Option<&Built>,
-    ) -> Result<Self, GpuError> {
+    pub async fn new(build: &mut BuildEncoder<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = build.gpu();
         if build.is_recorded() {
             let what = "a recorded collapse into wide BVHs whose depth is read back".to_owned();
@@ -412,7 +400,7 @@ impl<'a> Search<'a> {
 
     /// The number of levels; `None` if there may be more than were searched.
     async fn depth(&self, gpu: &Gpu) -> Result<Option<u32>, GpuError> {
-        let counts = gpu.read_first_async(&self.counts, self.level as usize + 1).await?;
+        let counts = gpu.read_first(&self.counts, self.level as usize + 1).await?;
         Ok(counts[1..].iter().position(|&n| n == 0).map(|last| count(last) + 1))
     }
 }

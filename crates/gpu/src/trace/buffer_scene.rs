@@ -14,7 +14,7 @@ use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
 use super::tables::Level;
 use crate::build::{BuildEncoder, Built, Change, Faults, MeshBuffers, Primitives, Scales, Which, fault, refit_aabbs};
-use crate::{Gpu, GpuError, NamedBinding, wait::block_on};
+use crate::{Gpu, GpuError, NamedBinding};
 
 /// How a [`BufferScene`] or an [`InstancedScene`](crate::InstancedScene) is built. A [`DeviceBvh`], a [`BuildConfig`](crate::build::BuildConfig) and a
 /// [`WideConfig`](crate::build::WideConfig) convert into this type.
@@ -56,7 +56,7 @@ impl<T: Into<DeviceBvh>> From<T> for BufferConfig<'_> {
 /// that. Refit what bends a little, as skinned meshes do; rebuild what changes its neighbors.
 ///
 /// ```no_run
-/// use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::BuildConfig};
+/// use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::BuildConfig, block_on};
 ///
 /// # fn example(device: wgpu::Device, queue: wgpu::Queue, vertices: wgpu::Buffer, indices: wgpu::Buffer) -> Result<(), canted_gpu::GpuError> {
 /// let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
@@ -68,7 +68,7 @@ impl<T: Into<DeviceBvh>> From<T> for BufferConfig<'_> {
 ///     indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
 ///     n_triangles: 2000,
 /// };
-/// let mut scene = BufferScene::new(&gpu, &[mesh], BuildConfig::default())?;
+/// let mut scene = block_on(BufferScene::new(&gpu, &[mesh], BuildConfig::default()))?;
 /// let wgsl = scene.traced().module(1)?; // closest_hit(ray), occluded(ray), with buffers in bind group 1
 ///
 /// // Each frame: the program moves vertices, the BVH follows, and a kernel that includes `wgsl` traces rays.
@@ -94,19 +94,7 @@ impl BufferScene {
     /// A buffer without the usage `STORAGE`, too short, or with an odd layout; a triangle with an index out of range or a vertex that is
     /// not finite or has coordinates above 1e18, by mesh and number; parts that do not start at triangle 0, are not in order, or start beyond the
     /// end; a limit of the device, or device lost.
-    pub fn new<'c>(
-        gpu: &Gpu,
-        meshes: &[MeshBuffers<'_>],
-        config: impl Into<BufferConfig<'c>>,
-    ) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, meshes, config))
-    }
-
-    /// [`BufferScene::new`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`BufferScene::new`].
-    pub async fn new_async<'c>(
+    pub async fn new<'c>(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         config: impl Into<BufferConfig<'c>>,
@@ -137,7 +125,7 @@ impl BufferScene {
         let scene = Self { traced, built, faults, n_triangles, bvh };
         scene.put_header(&mut build)?;
         if is_checked {
-            scene.check_async(gpu).await?;
+            scene.check(gpu).await?;
         }
         Ok(scene)
     }
@@ -181,16 +169,8 @@ impl BufferScene {
     ///
     /// # Errors
     /// A triangle with an index out of range or a bad vertex, by mesh and number; device lost.
-    pub fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        block_on(self.check_async(gpu))
-    }
-
-    /// [`BufferScene::check`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`BufferScene::check`].
-    pub async fn check_async(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        match fault(&gpu.read_async(&self.faults).await?) {
+    pub async fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        match fault(&gpu.read(&self.faults).await?) {
             None => Ok(()),
             Some(message) => Err(GpuError::Input { message }),
         }

@@ -14,7 +14,7 @@ use super::TracedScene;
 use super::layout::{BvhHeader, EMPTY, LEAF, Quad};
 use super::leaf_triangles::in_blocks;
 use super::nodes::{Nodes, WideNodes};
-use crate::{Gpu, GpuError, wait::block_on};
+use crate::{Gpu, GpuError};
 
 /// A BVH that was read back from a device: see [`TracedScene::download`].
 #[derive(Clone, Debug)]
@@ -34,15 +34,7 @@ impl TracedScene {
     ///
     /// # Errors
     /// A scene of two levels, for which [`TracedScene::download_mesh`] is; a BVH that is damaged; the device is lost.
-    pub fn download(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
-        block_on(self.download_async(gpu))
-    }
-
-    /// [`TracedScene::download`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::download`].
-    pub async fn download_async(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
+    pub async fn download(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
         if self.tables().instances().is_some() {
             let what = "a download of a scene of two levels as one BVH; download its meshes".to_owned();
             return Err(GpuError::Unsupported { what });
@@ -54,15 +46,7 @@ impl TracedScene {
     ///
     /// # Errors
     /// A mesh that the scene does not have; as for [`TracedScene::download`].
-    pub fn download_mesh(&self, gpu: &Gpu, mesh: usize) -> Result<DownloadedBvh, GpuError> {
-        block_on(self.download_mesh_async(gpu, mesh))
-    }
-
-    /// [`TracedScene::download_mesh`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::download_mesh`].
-    pub async fn download_mesh_async(&self, gpu: &Gpu, mesh: usize) -> Result<DownloadedBvh, GpuError> {
+    pub async fn download_mesh(&self, gpu: &Gpu, mesh: usize) -> Result<DownloadedBvh, GpuError> {
         // The first header of two levels is that of the top level.
         let n_above = usize::from(self.tables().instances().is_some());
         let n_meshes = self.tables().headers().len() - n_above;
@@ -79,19 +63,19 @@ impl TracedScene {
         if self.has_segments() {
             return Err(GpuError::Unsupported { what: "a download of a scene with curves".to_owned() });
         }
-        let header = gpu.read_async(self.tables().headers()).await?[number];
+        let header = gpu.read(self.tables().headers()).await?[number];
         let flawed = |flaw: String| GpuError::Input { message: format!("the BVH on the device is damaged: {flaw}") };
         match &self.nodes {
             Nodes::Binary(pairs) => {
                 let read = ReadPairs {
-                    quads: gpu.read_async(&pairs.pairs).await?,
-                    corners: gpu.read_async(&pairs.corners).await?,
+                    quads: gpu.read(&pairs.pairs).await?,
+                    corners: gpu.read(&pairs.corners).await?,
                     is_oriented: pairs.is_oriented,
                 };
                 read.bvh(&header).map(DownloadedBvh::Binary).map_err(flawed)
             }
             Nodes::Wide(WideNodes { nodes, triangles, .. }) => {
-                let [nodes, triangles] = [gpu.read_async(nodes).await?, gpu.read_async(triangles).await?];
+                let [nodes, triangles] = [gpu.read(nodes).await?, gpu.read(triangles).await?];
                 wide(&nodes, &triangles, &header).map(DownloadedBvh::Wide).map_err(flawed)
             }
         }

@@ -16,7 +16,7 @@ use crate::build::{
     BuildEncoder, Built, Change, Faults, InstanceBuffer, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Primitives, Which,
     fault, instance_fault, refit_aabbs,
 };
-use crate::{Buffer, Gpu, GpuError, wait::block_on};
+use crate::{Buffer, Gpu, GpuError};
 
 /// BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too. [`DeviceBvh`] says
 /// which BVHs.
@@ -32,13 +32,13 @@ use crate::{Buffer, Gpu, GpuError, wait::block_on};
 /// a refit of one mesh computes those of all meshes again: rebuild the mesh instead where others are large.
 ///
 /// ```no_run
-/// use canted_gpu::{Gpu, InstanceBuffer, InstancedScene, MeshBuffers, build::WideConfig};
+/// use canted_gpu::{Gpu, InstanceBuffer, InstancedScene, MeshBuffers, build::WideConfig, block_on};
 ///
 /// # fn example(device: wgpu::Device, queue: wgpu::Queue, mesh: MeshBuffers<'_>, transforms: wgpu::Buffer) -> Result<(), canted_gpu::GpuError> {
 /// let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
 /// // Each instance: twelve f32 (the rows of world_from_object), the number of its mesh, three unused words.
 /// let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 100, has_masks: false };
-/// let mut scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())?;
+/// let mut scene = block_on(InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default()))?;
 /// let wgsl = scene.traced().module(1)?; // closest_hit(ray), occluded(ray), with buffers in bind group 1
 ///
 /// // Each frame: the program writes transforms, and moves vertices of mesh 0.
@@ -65,20 +65,7 @@ impl InstancedScene {
     /// # Errors
     /// As for [`BufferScene::new`](crate::BufferScene::new); an instance of no mesh, with a transform that is not finite, is singular or has
     /// a condition number above [`MAX_CONDITION`](crate::MAX_CONDITION), or with coordinates above 1e18 in world space, by its number.
-    pub fn new<'c>(
-        gpu: &Gpu,
-        meshes: &[MeshBuffers<'_>],
-        instances: &InstanceBuffer<'_>,
-        config: impl Into<BufferConfig<'c>>,
-    ) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, meshes, instances, config))
-    }
-
-    /// [`InstancedScene::new`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`InstancedScene::new`].
-    pub async fn new_async<'c>(
+    pub async fn new<'c>(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
@@ -113,7 +100,7 @@ impl InstancedScene {
         scene.put_top(&mut build, instances)?;
         gpu.submit(encoder)?;
         if is_checked {
-            scene.check_async(gpu).await?;
+            scene.check(gpu).await?;
         }
         Ok(scene)
     }
@@ -207,17 +194,9 @@ impl InstancedScene {
     /// # Errors
     /// A triangle with an index out of range or a bad vertex, by mesh and number; an instance of no mesh or with a bad transform, by
     /// number; device lost.
-    pub fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        block_on(self.check_async(gpu))
-    }
-
-    /// [`InstancedScene::check`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`InstancedScene::check`].
-    pub async fn check_async(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        let of_meshes = fault(&gpu.read_async(&self.faults).await?);
-        let of_instances = instance_fault(&gpu.read_async(&self.instance_faults).await?, self.boxes.len());
+    pub async fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        let of_meshes = fault(&gpu.read(&self.faults).await?);
+        let of_instances = instance_fault(&gpu.read(&self.instance_faults).await?, self.boxes.len());
         match of_meshes.or(of_instances) {
             None => Ok(()),
             Some(message) => Err(GpuError::Input { message }),

@@ -19,6 +19,7 @@ mod nodes;
 mod tables;
 
 mod scene;
+mod source;
 
 mod download;
 mod module;
@@ -34,5 +35,6 @@ pub use instances::{MAX_CONDITION, MotionPolynomials};
 pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE, ModuleHit};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
-pub use scene::{HostBvh, SceneInput, TracedScene};
+pub use scene::{HostBvh, TracedScene};
+pub use source::{Options, Source};
 pub use undecided::Undecided;

@@ -109,13 +109,13 @@ impl DeviceBvh {
             Self::Binary(config) => config.into(),
             Self::Wide(config) => config,
         };
-        Built::new_async(build, primitives, config).await
+        Built::new(build, primitives, config).await
     }
 
     /// Builds the tree of the top level over boxes that are not placed yet.
     pub(super) async fn build_top(self, build: &mut BuildEncoder<'_>, n_instances: u32) -> Result<Built, GpuError> {
         let unplaced = Primitives::unplaced(build.gpu(), n_instances)?;
-        Built::new_async(build, unplaced, self.top()).await
+        Built::new(build, unplaced, self.top()).await
     }
 
     /// How the trees of the bottom level are built.
@@ -160,7 +160,7 @@ impl NewNodes {
             let headers = of_top.into_iter().chain(of_bottom).collect();
             return Ok(Self { nodes: Nodes::Binary(pairs), headers, depths: [0; 2] });
         }
-        let bvhs = WideBvhs::new_async(build, bottom, top).await?;
+        let bvhs = WideBvhs::new(build, bottom, top).await?;
         let of_level = |level: &WideLevel| {
             let first_quad = level.first_quad;
             level.roots.clone().into_iter().map(move |root| BvhHeader::wide(root, first_quad))
@@ -176,9 +176,9 @@ impl NewNodes {
         if let Nodes::Wide(_) = self.nodes {
             return Ok(self.depths.iter().sum());
         }
-        let of_bottom = gpu.read_async(&bottom.trees.depth).await?[0];
+        let of_bottom = gpu.read(&bottom.trees.depth).await?[0];
         let Some(top) = top else { return Ok(of_bottom) };
-        Ok(of_bottom + gpu.read_async(&top.trees.depth).await?[0])
+        Ok(of_bottom + gpu.read(&top.trees.depth).await?[0])
     }
 
     /// Greatest depth of these BVHs and of any that the device builds in their place.

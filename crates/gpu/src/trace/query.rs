@@ -12,7 +12,7 @@ use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
 use super::scene::TracedScene;
 use super::undecided::Undecided;
 use crate::commands::AsBinding;
-use crate::wait::{Instant, block_on};
+use crate::wait::Instant;
 use crate::{Buffer, Commands, Gpu, GpuError, Kernel};
 
 /// Result of a ray.
@@ -36,19 +36,7 @@ impl TracedScene {
     ///
     /// # Errors
     /// The device is lost or does not finish.
-    pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
-        block_on(self.closest_hits_async(gpu, rays))
-    }
-
-    /// [`TracedScene::closest_hits`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::closest_hits`].
-    pub async fn closest_hits_async(
-        &self,
-        gpu: &Gpu,
-        rays: &[Ray],
-    ) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
+    pub async fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
         let kernels = self.kernels(gpu, &CLOSEST)?;
         let mut answers = Vec::with_capacity(rays.len());
         let incomplete = DeviceHit { t: 0.0, u: 0.0, v: 0.0, primitive: 0, instance: INCOMPLETE };
@@ -67,15 +55,7 @@ impl TracedScene {
     ///
     /// # Errors
     /// As for [`TracedScene::closest_hits`].
-    pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
-        block_on(self.occluded_async(gpu, rays))
-    }
-
-    /// [`TracedScene::occluded`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::closest_hits`].
-    pub async fn occluded_async(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
+    pub async fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
         let kernels = self.kernels(gpu, &OCCLUDED)?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernels, ("found", INCOMPLETE), rays, |_, found: Vec<u32>| {
@@ -165,15 +145,15 @@ impl TracedScene {
         let answers = gpu.zeroed::<T>("answers", rays.len())?;
         let mut commands = gpu.commands();
         let undecided = self.record(gpu, &mut commands, kernels, &rays_there, (into, &answers))?;
-        commands.run_async().await?;
+        commands.run().await?;
         let n_exact = match &undecided {
             None => u32::try_from(rays.len()).unwrap_or(u32::MAX),
-            Some(undecided) => undecided.count_async(gpu).await?,
+            Some(undecided) => undecided.count(gpu).await?,
         };
         self.n_exact_rays.fetch_add(n_exact.into(), Ordering::Relaxed);
-        let mut found = gpu.read_async(&answers).await?;
+        let mut found = gpu.read(&answers).await?;
         if let (Some(undecided), Kernels::CertainFirst { listed: None, .. }) = (undecided, kernels) {
-            for ray in undecided.listed_async(gpu, n_exact).await? {
+            for ray in undecided.listed(gpu, n_exact).await? {
                 found[ray as usize] = incomplete;
             }
         }
@@ -255,7 +235,7 @@ impl TracedScene {
     /// # Errors
     /// Exact kernels trace all rays of this scene; otherwise as for [`TracedScene::closest_hits`].
     #[doc(hidden)]
-    pub fn certain_hits(
+    pub async fn certain_hits(
         &self,
         gpu: &Gpu,
         rays: &[DeviceRay],
@@ -269,10 +249,10 @@ impl TracedScene {
         let mut commands = gpu.commands();
         let kernels = Kernels::CertainFirst { certain, listed: None };
         let undecided = self.record(gpu, &mut commands, &kernels, &rays_there, ("hits", &hits))?;
-        commands.run()?;
-        let mut outcomes: Vec<_> = gpu.read(&hits)?.into_iter().map(Outcome::Complete).collect();
+        commands.run().await?;
+        let mut outcomes: Vec<_> = gpu.read(&hits).await?.into_iter().map(Outcome::Complete).collect();
         if let Some(undecided) = undecided {
-            for ray in undecided.listed(gpu, undecided.count(gpu)?)? {
+            for ray in undecided.listed(gpu, undecided.count(gpu).await?).await? {
                 outcomes[ray as usize] = Outcome::Incomplete;
             }
         }

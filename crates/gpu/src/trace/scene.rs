@@ -4,7 +4,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
-use canted_tlas::Instance;
 use canted_trace::RoundSegment;
 use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
@@ -13,10 +12,11 @@ use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
 use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
+use super::source::{Levels, Options, Source};
 use super::tables::{Level, Tables};
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
 use crate::commands::{LONG_LOOP, longest_loop};
-use crate::{Gpu, GpuError, NamedBinding, Variant, wait::block_on};
+use crate::{Gpu, GpuError, NamedBinding, Variant};
 
 /// Iteration limit of an invocation on other drivers: about a second on the slowest devices, far more than rays need.
 const MAX_ITERATIONS: u32 = 1 << 18;
@@ -42,25 +42,6 @@ pub struct TracedScene {
     is_exact: bool,
     /// Rays that exact kernels traced.
     pub(super) n_exact_rays: AtomicU64,
-}
-
-/// What a scene is made of: its BVHs, in one level or in two.
-///
-/// ```no_run
-/// use canted_gpu::{Choice, Gpu, SceneInput, TracedScene, build::WideConfig};
-/// use canted_trace::Ray;
-///
-/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let gpu = Gpu::open(&Choice::Best)?;
-/// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-/// let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], WideConfig::default()))?;
-/// let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
-/// # Ok(())
-/// # }
-/// ```
-pub struct SceneInput<'a> {
-    bvhs: Bvhs<'a>,
-    levels: Levels<'a>,
 }
 
 /// A BVH that the CPU built, to upload it; references convert into it.
@@ -116,92 +97,39 @@ impl<'a> HostBvh<'a> {
     }
 }
 
-/// Where BVHs come from.
-enum Bvhs<'a> {
-    /// From the CPU.
-    Uploaded(Vec<HostBvh<'a>>),
-    /// From the device, over the triangles of each mesh.
-    Built(Vec<&'a [Corners]>, DeviceBvh),
-}
-
-/// What is above the BVHs.
-enum Levels<'a> {
-    /// Nothing. The first triangle of each instance.
-    One(&'a [u32]),
-    /// A BVH over these instances.
-    Two(&'a [Instance]),
-}
-
-impl<'a> SceneInput<'a> {
-    /// BVHs that the CPU built, which are uploaded: over triangles, or over round segments.
-    ///
-    /// In a scene with segments the `u` of a hit is the position along the segment and its `v` is 0, in kernels 1 where the ray leaves. Batches of rays leave to the CPU what single precision
-    /// does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)); kernels that use `shared/traverse` take the answer of single precision, whose hits are within
-    /// [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a segment that a ray enters less deep than that.
-    #[must_use]
-    pub fn upload<B: Into<HostBvh<'a>>>(bvhs: impl IntoIterator<Item = B>) -> Self {
-        let bvhs = bvhs.into_iter().map(Into::into).collect();
-        Self { bvhs: Bvhs::Uploaded(bvhs), levels: Levels::One(&[]) }
-    }
-
-    /// BVHs that the device builds over the triangles of each mesh.
-    #[must_use]
-    pub fn build<M: AsRef<[Corners]> + ?Sized + 'a>(
-        meshes: impl IntoIterator<Item = &'a M>,
-        bvh: impl Into<DeviceBvh>,
-    ) -> Self {
-        let bvhs = Bvhs::Built(meshes.into_iter().map(AsRef::as_ref).collect(), bvh.into());
-        Self { bvhs, levels: Levels::One(&[]) }
-    }
-
-    /// In one level, whose single BVH is in world space. Its triangles belong to several instances: `first_triangles` has the first of each, in
-    /// order. Without this call they belong to one instance.
-    #[must_use]
-    pub fn parts(self, first_triangles: &'a [u32]) -> Self {
-        Self { levels: Levels::One(first_triangles), ..self }
-    }
-
-    /// In two levels: instances of the meshes, and a BVH over them.
-    #[must_use]
-    pub fn instances(self, instances: &'a [Instance]) -> Self {
-        Self { levels: Levels::Two(instances), ..self }
-    }
-}
-
-impl Bvhs<'_> {
-    fn len(&self) -> usize {
-        match self {
-            Self::Uploaded(bvhs) => bvhs.len(),
-            Self::Built(meshes, _) => meshes.len(),
-        }
-    }
-}
-
 impl TracedScene {
-    /// A scene of BVHs that the CPU built, or that the device builds; see [`SceneInput`]. Waits for the device.
+    /// The only way to make one: from BVHs that the CPU built, or that the device builds. Waits for the device.
+    ///
+    /// ```no_run
+    /// use canted_gpu::{Choice, Gpu, Options, Source, TracedScene, build::WideConfig};
+    /// use canted_trace::Ray;
+    ///
+    /// # async fn example() -> Result<(), canted_gpu::GpuError> {
+    /// let gpu = Gpu::open(&Choice::Best).await?;
+    /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let scene = TracedScene::new(&gpu, Source::build([&[triangle]], WideConfig::default()), Options::default()).await?;
+    /// let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])]).await?;
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
-    /// Several BVHs in one level; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), also in world space; an unsupported strategy; more
-    /// than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is too close to singular at any time, see
+    /// Several meshes to build in one level; parts in two levels; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), also in world space; an unsupported
+    /// strategy; more than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is too close to singular at any time, see
     /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); a limit of the device, or device lost.
-    pub fn new(gpu: &Gpu, input: SceneInput<'_>) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, input))
-    }
-
-    /// [`TracedScene::new`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::new`].
-    pub async fn new_async(gpu: &Gpu, input: SceneInput<'_>) -> Result<Self, GpuError> {
-        let SceneInput { bvhs, levels } = input;
-        if let (n, Levels::One(_)) = (bvhs.len(), &levels)
-            && n != 1
-        {
-            return Err(GpuError::Input { message: format!("a scene of one level has one BVH, not {n}") });
-        }
-        match bvhs {
-            Bvhs::Uploaded(meshes) => Self::uploaded(gpu, &meshes, levels).await,
-            Bvhs::Built(meshes, bvh) => Self::built(gpu, &meshes, bvh, levels).await,
+    pub async fn new(gpu: &Gpu, source: Source<'_>, options: Options<'_>) -> Result<Self, GpuError> {
+        let Options { parts } = options;
+        let levels = match source.instances() {
+            Some(_) if !parts.is_empty() => {
+                return Err(GpuError::Input { message: "parts of meshes as instances in two levels".to_owned() });
+            }
+            Some(instances) => Levels::Two(instances),
+            None => Levels::One(parts),
+        };
+        match &source {
+            Source::Wide(bvh) => Self::uploaded(gpu, &[*bvh], levels).await,
+            Source::Tlas { bvhs, .. } => Self::uploaded(gpu, bvhs, levels).await,
+            Source::Build { meshes, bvh, .. } => Self::built(gpu, meshes, *bvh, levels).await,
         }
     }
 
@@ -239,6 +167,11 @@ impl TracedScene {
     /// Builds on the device. Read back are the depth of the trees, which sizes the stack, and the boxes of the roots, from which the CPU
     /// places instances.
     async fn built(gpu: &Gpu, meshes: &[&[Corners]], bvh: DeviceBvh, levels: Levels<'_>) -> Result<Self, GpuError> {
+        if let (n, Levels::One(_)) = (meshes.len(), &levels)
+            && n != 1
+        {
+            return Err(GpuError::Input { message: format!("a scene of one level has one mesh, not {n}") });
+        }
         let mut build = BuildEncoder::new(gpu);
         let primitives = Primitives::triangles(gpu, meshes.iter().copied())?;
         let bottom = bvh.build(&mut build, primitives).await?;
@@ -255,9 +188,9 @@ impl TracedScene {
             }
             Levels::Two(instances) => {
                 let packing = Packing::of(&bounds, instances)?;
-                let boxes = placed_boxes(&packing, &bottom.roots_async(gpu).await?, instances);
+                let boxes = placed_boxes(&packing, &bottom.roots(gpu).await?, instances);
                 let config = BuildConfig { bits: bvh.bottom().bits, ..bvh.top() };
-                let top = Built::new_async(&mut build, Primitives::boxes(gpu, &boxes)?, config).await?;
+                let top = Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config).await?;
                 (Level::One, Some((top, packing)))
             }
         };

@@ -1,7 +1,6 @@
 //! The list of rays that kernels of `shared/certain` leave to exact ones.
 
 use crate::commands::AsBinding;
-use crate::wait::block_on;
 use crate::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
 /// Words before the list: the work-groups of an indirect dispatch, and the number of the listed ones.
@@ -40,25 +39,15 @@ impl Undecided {
     ///
     /// # Errors
     /// The device is lost or does not finish.
-    pub fn count(&self, gpu: &Gpu) -> Result<u32, GpuError> {
-        Ok(gpu.read_first(&self.words, HEAD)?[HEAD - 1])
-    }
-
-    /// [`Self::count`] for browsers.
-    pub(super) async fn count_async(&self, gpu: &Gpu) -> Result<u32, GpuError> {
-        Ok(gpu.read_first_async(&self.words, HEAD).await?[HEAD - 1])
+    pub async fn count(&self, gpu: &Gpu) -> Result<u32, GpuError> {
+        Ok(gpu.read_first(&self.words, HEAD).await?[HEAD - 1])
     }
 
     /// The indices of the first `n`, in no particular order.
     ///
     /// # Errors
     /// As for [`Self::count`].
-    pub fn listed(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
-        block_on(self.listed_async(gpu, n))
-    }
-
-    /// [`Self::listed`] for browsers.
-    pub(super) async fn listed_async(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
-        Ok(gpu.read_first_async(&self.words, HEAD + n as usize).await?.split_off(HEAD))
+    pub async fn listed(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
+        Ok(gpu.read_first(&self.words, HEAD + n as usize).await?.split_off(HEAD))
     }
 }

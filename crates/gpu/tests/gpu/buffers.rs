@@ -4,8 +4,8 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
-    BufferConfig, BufferScene, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, SceneInput,
-    TracedScene, wgpu,
+    BufferConfig, BufferScene, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Options, Outcome, Source,
+    TracedScene, block_on, wgpu,
 };
 use canted_gpu::{InstanceBuffer, InstancedScene};
 use canted_lbvh::Strategy;
@@ -67,7 +67,7 @@ pub(crate) fn buffer(device: &wgpu::Device, contents: &[u8]) -> wgpu::Buffer {
 }
 
 pub(crate) fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
-    let answers = scene.closest_hits(gpu, &rays()).unwrap().into_iter().map(|answer| match answer {
+    let answers = block_on(scene.closest_hits(gpu, &rays())).unwrap().into_iter().map(|answer| match answer {
         Outcome::Complete(hit) => hit,
         Outcome::Incomplete => panic!("no traversal here is long"),
     });
@@ -88,7 +88,15 @@ pub(crate) fn floor<'a>(positions: &'a wgpu::Buffer, indices: &'a wgpu::Buffer) 
 
 /// The hits of a BVH that is built over the same triangles at once.
 pub(crate) fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit>> {
-    hits(gpu, &TracedScene::new(gpu, SceneInput::build([&corners(vertices)], BuildConfig::default())).unwrap())
+    hits(
+        gpu,
+        &block_on(TracedScene::new(
+            gpu,
+            Source::build([&corners(vertices)], BuildConfig::default()),
+            Options::default(),
+        ))
+        .unwrap(),
+    )
 }
 
 fn buffers_of_any_layout_give_the_same_hits() {
@@ -129,19 +137,19 @@ fn buffers_of_any_layout_give_the_same_hits() {
     for mesh in [mesh, MeshBuffers { indices: narrow, ..mesh }, plain] {
         for strategy in STRATEGIES {
             let config = BuildConfig { strategy, ..BuildConfig::default() };
-            let scene = BufferScene::new(&gpu, &[mesh], config).unwrap();
+            let scene = block_on(BufferScene::new(&gpu, &[mesh], config)).unwrap();
             assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}");
             let wide = WideConfig { strategy, ..WideConfig::default() };
-            let scene = BufferScene::new(&gpu, &[mesh], wide).unwrap();
+            let scene = block_on(BufferScene::new(&gpu, &[mesh], wide)).unwrap();
             assert_eq!(hits(&gpu, scene.traced()), expected, "wide, {strategy:?}");
         }
     }
     // A second mesh in the same place is another instance, and ties go to the first.
-    let scene = BufferScene::new(&gpu, &[plain, mesh], BuildConfig::default()).unwrap();
+    let scene = block_on(BufferScene::new(&gpu, &[plain, mesh], BuildConfig::default())).unwrap();
     assert_eq!(hits(&gpu, scene.traced()), expected);
     // Without triangles nothing is hit.
     for bvh in [DeviceBvh::default(), WideConfig::default().into()] {
-        let none = BufferScene::new(&gpu, &[MeshBuffers { n_triangles: 0, ..mesh }], bvh).unwrap();
+        let none = block_on(BufferScene::new(&gpu, &[MeshBuffers { n_triangles: 0, ..mesh }], bvh)).unwrap();
         assert!(hits(&gpu, none.traced()).iter().all(Option::is_none));
     }
 }
@@ -159,7 +167,7 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
             .map(|(strategy, topology)| WideConfig { topology, strategy, ..WideConfig::default() }.into());
     for bvh in binary.into_iter().chain(wide) {
         queue.write_buffer(&positions, 0, bytemuck::cast_slice(&vertices(0.0)));
-        let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();
+        let mut scene = block_on(BufferScene::new(&gpu, &[mesh], bvh)).unwrap();
         for (frame, time) in [0.5_f32, 1.0, 40.0].into_iter().enumerate() {
             let moved = vertices(time);
             queue.write_buffer(&positions, 0, bytemuck::cast_slice(&moved));
@@ -171,7 +179,7 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
                 scene.refit(&gpu, &mut encoder, &[mesh]).unwrap();
             }
             queue.submit([encoder.finish()]);
-            scene.check(&gpu).unwrap();
+            block_on(scene.check(&gpu)).unwrap();
             let expected = expected(&gpu, &moved);
             assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}, frame {frame}");
             assert_ne!(before, expected, "{bvh:?}, frame {frame}: the vertices did not move");
@@ -205,11 +213,11 @@ fn a_buffer_above_the_binding_limit_holds_a_small_mesh() {
         indices: Some(IndexBuffer { buffer: &large, format: wgpu::IndexFormat::Uint16, first_byte: first_index }),
         n_triangles: 2 * N * N,
     };
-    let scene = BufferScene::new(&gpu, &[mesh], WideConfig::default()).unwrap();
+    let scene = block_on(BufferScene::new(&gpu, &[mesh], WideConfig::default())).unwrap();
     assert_eq!(hits(&gpu, scene.traced()), expected(&gpu, &vertices(0.0)));
     let n_vertices = u32::try_from((most + 65_536) / 12).unwrap();
     let whole = MeshBuffers { first_byte: 0, n_vertices, ..mesh };
-    let error = BufferScene::new(&gpu, &[whole], WideConfig::default()).map(|_| ()).unwrap_err().to_string();
+    let error = block_on(BufferScene::new(&gpu, &[whole], WideConfig::default())).map(|_| ()).unwrap_err().to_string();
     assert!(error.starts_with("mesh 0: the vertices have") && error.contains("a storage binding"), "{error}");
 }
 
@@ -233,10 +241,11 @@ fn faults_are_reported_and_hit_nothing() {
         };
         // No endless loop, whatever the contents.
         for bvh in [DeviceBvh::default(), WideConfig { strategy: Strategy::Combined, ..WideConfig::default() }.into()] {
-            let scene = BufferScene::new(&gpu, &[mesh], BufferConfig { is_checked: false, ..bvh.into() }).unwrap();
+            let scene =
+                block_on(BufferScene::new(&gpu, &[mesh], BufferConfig { is_checked: false, ..bvh.into() })).unwrap();
             let _ = hits(&gpu, scene.traced());
         }
-        BufferScene::new(&gpu, &[mesh], BuildConfig::default()).map(|_| ()).map_err(|error| error.to_string())
+        block_on(BufferScene::new(&gpu, &[mesh], BuildConfig::default())).map(|_| ()).map_err(|error| error.to_string())
     };
     let (good, mut bad) = (vertices(0.0), triangles());
     assert_eq!(report(&mesh(&good, &bad)), Ok(()));
@@ -260,12 +269,12 @@ fn layouts_that_do_not_fit_are_rejected() {
     let vertices = buffer(&device, &[0; 36]);
     let good =
         MeshBuffers { vertices: &vertices, first_byte: 0, stride: 12, n_vertices: 3, indices: None, n_triangles: 1 };
-    let refused = |mesh: MeshBuffers<'_>| match BufferScene::new(&gpu, &[mesh], BuildConfig::default()) {
+    let refused = |mesh: MeshBuffers<'_>| match block_on(BufferScene::new(&gpu, &[mesh], BuildConfig::default())) {
         Ok(_) => panic!("{mesh:?} is accepted"),
         Err(GpuError::Input { message }) => message,
         Err(error) => error.to_string(),
     };
-    assert!(BufferScene::new(&gpu, &[good], BuildConfig::default()).is_ok());
+    assert!(block_on(BufferScene::new(&gpu, &[good], BuildConfig::default())).is_ok());
     let hidden = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: 36,
@@ -298,21 +307,29 @@ fn counts_that_no_buffer_holds_are_errors() {
     let last = MeshBuffers { first_byte: u64::MAX - 3, ..good };
     for meshes in [&[half, half][..], &[half], &[far], &[last]] {
         for bvh in [DeviceBvh::default(), WideConfig::default().into()] {
-            assert!(BufferScene::new(&gpu, meshes, bvh).is_err(), "{meshes:?}");
+            assert!(block_on(BufferScene::new(&gpu, meshes, bvh)).is_err(), "{meshes:?}");
         }
     }
     for n_instances in [u32::MAX, 3_000_000_000] {
         let instances = InstanceBuffer { buffer: &vertices, first_byte: 0, stride: 52, n_instances, has_masks: false };
-        assert!(InstancedScene::new(&gpu, &[good], &instances, WideConfig::default()).is_err());
+        assert!(block_on(InstancedScene::new(&gpu, &[good], &instances, WideConfig::default())).is_err());
     }
     for parts in [&[1][..], &[0, 2], &[0, 1, 0]] {
-        let error = BufferScene::new(&gpu, &[good], BufferConfig { parts: Some(parts), ..DeviceBvh::default().into() })
-            .map(drop)
-            .unwrap_err();
+        let error = block_on(BufferScene::new(
+            &gpu,
+            &[good],
+            BufferConfig { parts: Some(parts), ..DeviceBvh::default().into() },
+        ))
+        .map(drop)
+        .unwrap_err();
         assert_eq!(error.to_string(), "parts of 1 triangles must start at 0, in order and before the end");
     }
     assert!(
-        BufferScene::new(&gpu, &[good], BufferConfig { parts: Some(&[0, 0, 1]), ..DeviceBvh::default().into() })
-            .is_ok()
+        block_on(BufferScene::new(
+            &gpu,
+            &[good],
+            BufferConfig { parts: Some(&[0, 0, 1]), ..DeviceBvh::default().into() }
+        ))
+        .is_ok()
     );
 }

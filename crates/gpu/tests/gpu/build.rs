@@ -3,6 +3,7 @@
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{
     Affine, BufferScene, DeviceBvh, DeviceInstance, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers,
+    block_on,
     build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES, Topology, WideBvhs, WideConfig},
     wgpu::{self, CommandEncoderDescriptor},
 };
@@ -32,7 +33,7 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
     };
     let corners: Vec<Corners> = (0..1000).map(triangle).collect();
     let primitives = Primitives::triangles(&gpu, [&corners[..]]).unwrap();
-    let passes = Passes::measure(&gpu, &primitives, Bits::B63, 1).unwrap();
+    let passes = block_on(Passes::measure(&gpu, &primitives, Bits::B63, 1)).unwrap();
     let fit = [passes.domain, passes.codes, passes.sort, passes.tree, passes.boxes[0]];
     assert!(fit.iter().all(Option::is_some) && passes.total(Strategy::Aabb).is_some(), "{passes:?}");
     assert_eq!((&passes.boxes[1..], passes.total(Strategy::Combined)), (&[None; 5][..], None));
@@ -42,7 +43,7 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
     }
     // A build that fits reports no error.
     let few = Primitives::triangles(&gpu, [&corners[..500]]).unwrap();
-    let passes = Passes::measure(&gpu, &few, Bits::B63, 1).unwrap();
+    let passes = block_on(Passes::measure(&gpu, &few, Bits::B63, 1)).unwrap();
     assert!(passes.error.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
 }
 
@@ -55,16 +56,16 @@ fn recorded_clusters_and_wide_nodes_are_rejected() {
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
     let mut build = BuildEncoder::recorded(&gpu, &mut encoder);
     let built = |build: &mut BuildEncoder<'_>, topology| {
-        Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() })
+        block_on(Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() }))
     };
     assert!(matches!(built(&mut build, Topology::Ploc), Err(GpuError::Unsupported { .. })));
     let radix = built(&mut build, Topology::Radix).unwrap();
-    assert!(matches!(WideBvhs::new(&mut build, &radix, None), Err(GpuError::Unsupported { .. })));
+    assert!(matches!(block_on(WideBvhs::new(&mut build, &radix, None)), Err(GpuError::Unsupported { .. })));
 }
 
 /// Numbers of aligned and oriented nodes below the root of one tree.
 fn kinds(gpu: &Gpu, bvhs: &WideBvhs) -> [usize; 2] {
-    let nodes = gpu.read(&bvhs.nodes).unwrap();
+    let nodes = block_on(gpu.read(&bvhs.nodes)).unwrap();
     let (mut waiting, mut found) = (bvhs.levels[0].roots.clone(), [0; 2]);
     while let Some(word) = waiting.pop() {
         if word >> 31 == 0 && word != 0x7fff_ffff {
@@ -90,8 +91,9 @@ fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
         let corners: Vec<Corners> = (0..1000).map(scaled).collect();
         let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
-        let built = Built::new(&mut build, Primitives::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
-        kinds(&gpu, &WideBvhs::new(&mut build, &built, None).unwrap())
+        let built =
+            block_on(Built::new(&mut build, Primitives::triangles(&gpu, [&corners[..]]).unwrap(), config)).unwrap();
+        kinds(&gpu, &block_on(WideBvhs::new(&mut build, &built, None)).unwrap())
     };
     let expected = of_scale(0);
     assert!(expected[1] > 50, "{expected:?}");
@@ -125,7 +127,7 @@ fn updates_of_what_stands_still_change_no_word() {
         STRATEGIES.map(|strategy| WideConfig { topology, strategy, ..WideConfig::default() }.into())
     });
     for bvh in binary.into_iter().chain(wide) {
-        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, bvh).unwrap();
+        let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &instances, bvh)).unwrap();
         let before = words(&scene);
         for (number, mesh) in (0..).zip(&meshes) {
             submit(&mut |encoder| scene.refit_mesh(&gpu, encoder, number, mesh).unwrap());
@@ -158,12 +160,12 @@ fn a_dropped_rebuild_is_followed_by_a_good_one() {
     let binary = STRATEGIES.map(|strategy| DeviceBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = STRATEGIES.map(|strategy| WideConfig { strategy, ..WideConfig::default() }.into());
     for bvh in binary.into_iter().chain(wide) {
-        let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();
+        let mut scene = block_on(BufferScene::new(&gpu, &[mesh], bvh)).unwrap();
         scene.rebuild(&gpu, &mut encoder(), &[mesh]).unwrap();
         let mut submitted = encoder();
         scene.refit(&gpu, &mut submitted, &[mesh]).unwrap();
         queue.submit([submitted.finish()]);
-        let _ = scene.traced().closest_hits(&gpu, &rays()).unwrap();
+        let _ = block_on(scene.traced().closest_hits(&gpu, &rays())).unwrap();
         let mut submitted = encoder();
         scene.rebuild(&gpu, &mut submitted, &[mesh]).unwrap();
         queue.submit([submitted.finish()]);

@@ -1,7 +1,7 @@
 //! Devices, buffers and dispatches.
 
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{GpuError, Traffic, Variant, loop_iterations};
+use canted_gpu::{GpuError, Traffic, Variant, block_on, loop_iterations};
 
 use crate::{gpu, lowered};
 
@@ -21,21 +21,21 @@ fn buffers_read_back_unchanged() {
     let gpu = gpu();
     for n in [0_u32, 1, 3, 1000] {
         let values: Vec<u32> = (0..n).collect();
-        assert_eq!(gpu.read(&gpu.buffer("values", &values).unwrap()).unwrap(), values);
+        assert_eq!(block_on(gpu.read(&gpu.buffer("values", &values).unwrap())).unwrap(), values);
     }
 }
 
 fn a_kernel_runs_and_is_timed() {
     let gpu = gpu();
-    assert_eq!(loop_iterations(&gpu, 1000).unwrap(), 1000);
+    assert_eq!(block_on(loop_iterations(&gpu, 1000)).unwrap(), 1000);
     let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
     let wanted = gpu.uniform("wanted", &[7_u32, 0, 0, 0]).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 5000).unwrap();
     let mut commands = gpu.timed_commands();
     commands.dispatch(&kernel, &[("wanted", &wanted), ("counted", &counted)], kernel.groups(5000)).unwrap();
-    let times = commands.times().unwrap();
+    let times = block_on(commands.times()).unwrap();
     assert_eq!(times.len(), usize::from(gpu.has_timestamps()));
-    assert!(gpu.read(&counted).unwrap().iter().all(|&turns| turns == 7));
+    assert!(block_on(gpu.read(&counted)).unwrap().iter().all(|&turns| turns == 7));
 }
 
 fn a_missing_binding_is_reported() {
@@ -60,7 +60,7 @@ fn a_lost_device_stays_lost() {
     let buffer = gpu.buffer("values", &[1_u32, 2]).unwrap();
     gpu.lose();
     for _ in 0..2 {
-        assert!(matches!(gpu.read(&buffer), Err(GpuError::Lost { .. })));
+        assert!(matches!(block_on(gpu.read(&buffer)), Err(GpuError::Lost { .. })));
         assert!(matches!(gpu.zeroed::<u32>("more", 4).err(), Some(GpuError::Lost { .. })));
     }
 }
@@ -74,7 +74,7 @@ fn exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped() {
     assert_eq!(refused.to_string(), sentence);
     drop(first);
     let second = gpu.zeroed::<u32>("triangles", 3 << 16).unwrap();
-    assert_eq!(gpu.read(&second).unwrap().len(), 3 << 16);
+    assert_eq!(block_on(gpu.read(&second)).unwrap().len(), 3 << 16);
 }
 
 fn only_changed_parts_are_uploaded() {
@@ -84,7 +84,7 @@ fn only_changed_parts_are_uploaded() {
         let before = gpu.traffic();
         let buffer = gpu.read_only("values", values).unwrap();
         let Traffic { uploaded_bytes, .. } = gpu.traffic() - before;
-        assert_eq!(gpu.read(&buffer).unwrap(), values);
+        assert_eq!(block_on(gpu.read(&buffer)).unwrap(), values);
         uploaded_bytes
     };
     let mut values: Vec<u32> = (0..1000).collect();
@@ -102,6 +102,9 @@ fn only_changed_parts_are_uploaded() {
     let second = gpu.read_only("values", &[3_u32; 1001]).unwrap();
     gpu.start_frame();
     let third = gpu.read_only("values", &[4_u32; 1001]).unwrap();
-    assert_eq!(gpu.read(&first).unwrap(), values);
-    assert_eq!([gpu.read(&second).unwrap(), gpu.read(&third).unwrap()], [vec![3; 1001], vec![4; 1001]]);
+    assert_eq!(block_on(gpu.read(&first)).unwrap(), values);
+    assert_eq!(
+        [block_on(gpu.read(&second)).unwrap(), block_on(gpu.read(&third)).unwrap()],
+        [vec![3; 1001], vec![4; 1001]]
+    );
 }

@@ -5,7 +5,7 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, Topology, WideConfig};
 use canted_gpu::{
     DeviceBvh, DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
-    NOT_PLACED, Outcome, SceneInput, TracedScene, wgpu,
+    NOT_PLACED, Options, Outcome, Source, TracedScene, block_on, wgpu,
 };
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::Affine;
@@ -106,7 +106,7 @@ fn rays() -> Vec<Ray> {
 }
 
 fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
-    let answers = scene.closest_hits(gpu, &rays()).unwrap().into_iter().map(|answer| match answer {
+    let answers = block_on(scene.closest_hits(gpu, &rays())).unwrap().into_iter().map(|answer| match answer {
         Outcome::Complete(hit) => hit,
         Outcome::Incomplete => panic!("no traversal here is long"),
     });
@@ -119,7 +119,15 @@ fn expected(gpu: &Gpu, floor: &[[f32; 3]], placed: &[(u32, Affine)]) -> Vec<Opti
     let pyramid: Vec<Corners> = SIDES.iter().map(|t| t.map(|i| PYRAMID[usize::from(i)])).collect();
     let instances: Vec<Instance> = placed.iter().map(|&(mesh, map)| Instance::new(mesh, map)).collect();
     let config = BuildConfig::default();
-    hits(gpu, &TracedScene::new(gpu, SceneInput::build(&[&floor, &pyramid], config).instances(&instances)).unwrap())
+    hits(
+        gpu,
+        &block_on(TracedScene::new(
+            gpu,
+            Source::build(&[&floor, &pyramid], config).with_instances(&instances),
+            Options::default(),
+        ))
+        .unwrap(),
+    )
 }
 
 fn every_recorded_change_equals_a_fresh_build() {
@@ -134,7 +142,7 @@ fn every_recorded_change_equals_a_fresh_build() {
         let program = Program::new(opened.clone(), &placed(n, 0.0));
         let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
         let (meshes, instances) = (program.meshes(), program.instances(n));
-        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, bvh).unwrap();
+        let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &instances, bvh)).unwrap();
         let first = hits(&gpu, scene.traced());
         assert_eq!(first, expected(&gpu, &vertices(0.0), &placed(n, 0.0)), "{bvh:?}");
         assert!(first.iter().flatten().count() > 500 && first.iter().any(Option::is_none));
@@ -159,7 +167,7 @@ fn every_recorded_change_equals_a_fresh_build() {
             if change < 2 {
                 program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
             }
-            scene.check(&gpu).unwrap();
+            block_on(scene.check(&gpu)).unwrap();
             let expected = expected(&gpu, &floor, &placed(n, 0.4));
             assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}: change {change}");
         }
@@ -181,7 +189,7 @@ fn a_forgotten_update_is_seen() {
     let program = Program::new(opened, &placed(20, 0.0));
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     let (meshes, instances) = (program.meshes(), program.instances(20));
-    let mut scene = InstancedScene::new(&gpu, &meshes, &instances, BuildConfig::default()).unwrap();
+    let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &instances, BuildConfig::default())).unwrap();
     let mut higher = vertices(0.0);
     higher.iter_mut().for_each(|vertex| vertex[0] += 20.0);
     program.queue.write_buffer(&program.positions[0], 0, bytemuck::cast_slice(&higher));
@@ -198,7 +206,7 @@ fn few_instances_and_empty_scenes_are_traced() {
     let program = Program::new(opened, &lone);
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     let (meshes, one) = (program.meshes(), program.instances(1));
-    let scene = InstancedScene::new(&gpu, &meshes, &one, BuildConfig::default()).unwrap();
+    let scene = block_on(InstancedScene::new(&gpu, &meshes, &one, BuildConfig::default())).unwrap();
     let found = hits(&gpu, scene.traced());
     assert_eq!(found, expected(&gpu, &vertices(0.0), &lone));
     // A node of two children for each triangle and instance; a header for each level, each mesh and the empty BVH.
@@ -212,13 +220,13 @@ fn few_instances_and_empty_scenes_are_traced() {
     assert!(found.iter().any(Option::is_some));
     for (meshes, n_instances) in [(&meshes[..], 0), (&[], 0)] {
         let none = InstanceBuffer { n_instances, ..one };
-        let scene = InstancedScene::new(&gpu, meshes, &none, BuildConfig::default()).unwrap();
+        let scene = block_on(InstancedScene::new(&gpu, meshes, &none, BuildConfig::default())).unwrap();
         assert!(hits(&gpu, scene.traced()).iter().all(Option::is_none));
     }
     program.queue.write_buffer(&program.transforms, 0, bytemuck::cast_slice(&words(&[(NOT_PLACED, Affine::IDENTITY)])));
     let mut scene = scene;
     program.submit(|encoder| scene.update_top(&gpu, encoder, &one).unwrap());
-    scene.check(&gpu).unwrap();
+    block_on(scene.check(&gpu)).unwrap();
     assert!(hits(&gpu, scene.traced()).iter().all(Option::is_none));
 }
 
@@ -227,9 +235,9 @@ fn faults_of_meshes_and_layouts_of_instances_are_reported() {
     let program = Program::new(opened, &placed(6, 0.0));
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     let (meshes, six) = (program.meshes(), program.instances(6));
-    let mut scene = InstancedScene::new(&gpu, &meshes, &six, BuildConfig::default()).unwrap();
+    let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &six, BuildConfig::default())).unwrap();
     let good = hits(&gpu, scene.traced());
-    let message = |scene: &InstancedScene| scene.check(&gpu).unwrap_err().to_string();
+    let message = |scene: &InstancedScene| block_on(scene.check(&gpu)).unwrap_err().to_string();
     // An index out of range in the second mesh; the first is hit as before.
     program.queue.write_buffer(&program.indices[1], 8, bytemuck::cast_slice(&[700_u16, 0]));
     program.submit(|encoder| scene.rebuild_mesh(&gpu, encoder, 1, &meshes[1]).unwrap());
@@ -243,11 +251,11 @@ fn faults_of_meshes_and_layouts_of_instances_are_reported() {
         scene.rebuild_mesh(&gpu, encoder, 1, &meshes[1]).unwrap();
         scene.update_top(&gpu, encoder, &six).unwrap();
     });
-    assert_eq!(scene.check(&gpu), Ok(()));
+    assert_eq!(block_on(scene.check(&gpu)), Ok(()));
     assert_eq!(hits(&gpu, scene.traced()), good);
     let refused = |instances: InstanceBuffer<'_>| {
         let scene = InstancedScene::new(&gpu, &meshes, &instances, BuildConfig::default());
-        scene.map(|_| ()).unwrap_err().to_string()
+        block_on(scene).map(|_| ()).unwrap_err().to_string()
     };
     assert!(refused(InstanceBuffer { stride: 48, ..six }).contains("stride 48"));
     assert!(refused(InstanceBuffer { first_byte: 2, ..six }).contains("first byte 2"));
@@ -265,14 +273,14 @@ fn a_lost_device_of_the_program_is_reported() {
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     program.device.set_device_lost_callback(gpu.lost_handler());
     let (meshes, six) = (program.meshes(), program.instances(6));
-    let mut scene = InstancedScene::new(&gpu, &meshes, &six, BuildConfig::default()).unwrap();
+    let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &six, BuildConfig::default())).unwrap();
     program.device.destroy();
     let _ = program.device.poll(wgpu::PollType::Poll);
     let mut encoder = program.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     for _ in 0..2 {
         let error = scene.update_top(&gpu, &mut encoder, &six).unwrap_err();
         assert!(matches!(error, GpuError::Lost { .. }), "{error}");
-        assert!(matches!(scene.check(&gpu), Err(GpuError::Lost { .. })));
-        assert!(matches!(scene.traced().occluded(&gpu, &rays()), Err(GpuError::Lost { .. })));
+        assert!(matches!(block_on(scene.check(&gpu)), Err(GpuError::Lost { .. })));
+        assert!(matches!(block_on(scene.traced().occluded(&gpu, &rays())), Err(GpuError::Lost { .. })));
     }
 }

@@ -4,7 +4,7 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{
     BufferScene, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, ModuleHit, ModuleOptions,
-    SceneInput, TracedScene, wgpu,
+    Options, Source, TracedScene, block_on, wgpu,
 };
 
 use super::buffers::{buffer, corners, hits, opened, rays, vertices};
@@ -97,7 +97,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 ";
 
 fn floor(gpu: &Gpu) -> TracedScene {
-    TracedScene::new(gpu, SceneInput::build([&corners(&vertices(0.0))], BuildConfig::default())).unwrap()
+    block_on(TracedScene::new(
+        gpu,
+        Source::build([&corners(&vertices(0.0))], BuildConfig::default()),
+        Options::default(),
+    ))
+    .unwrap()
 }
 
 /// Rays in the layout of kernels.
@@ -116,7 +121,7 @@ fn a_kernel_of_the_program_traces_rays() {
     let found = gpu.zeroed::<ModuleHit>("hits", rays.len()).unwrap();
     let n_groups = u32::try_from(rays.len()).unwrap().div_ceil(64);
     run((&device, &queue, &gpu), (&scene, None), TRACES, &[[rays_there.wgpu(), found.wgpu()]], n_groups);
-    let found = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit));
+    let found = block_on(gpu.read(&found)).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit));
     let found: Vec<_> = found.map(|hit| hit.map(|hit| (hit.t, hit.u, hit.v, hit.primitive))).collect();
     let expected = hits(&gpu, &scene).into_iter().map(|hit| hit.map(|hit| (hit.t, hit.u, hit.v, hit.primitive)));
     assert_eq!(found, expected.collect::<Vec<_>>());
@@ -153,8 +158,8 @@ fn two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program() {
     let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let moved = corners(&vertices(1.0));
-    let wide = SceneInput::build([&moved], WideConfig::default());
-    let scenes = [floor(&gpu), TracedScene::new(&gpu, wide).unwrap()];
+    let wide = Source::build([&moved], WideConfig::default());
+    let scenes = [floor(&gpu), block_on(TracedScene::new(&gpu, wide, Options::default())).unwrap()];
     let [low, high] = [(1, "low_"), (2, "high_")].map(|(group, prefix)| ModuleOptions { group, prefix, accepts: None });
     let text = scenes[0].module(low).unwrap() + &scenes[1].module(high).unwrap() + TRACES_TWO;
     let rays_there = gpu.buffer("rays", &device_rays()).unwrap();
@@ -187,7 +192,7 @@ fn two_scenes_are_traced_in_one_kernel_with_a_layout_of_the_program() {
         scenes[1].bind_group(&gpu, &layouts[2]).unwrap(),
     ];
     dispatch((&device, &queue), &pipeline_in(&device, &text, Some(&layout)), &groups.each_ref(), 16);
-    let found = gpu.read(&found).unwrap();
+    let found = block_on(gpu.read(&found)).unwrap();
     for (k, scene) in scenes.iter().enumerate() {
         let found = found.iter().map(|hit| (hit.instance[k] == 0).then_some(hit.t[k]));
         let expected: Vec<_> = hits(&gpu, scene).into_iter().map(|hit| hit.map(|hit| hit.t)).collect();
@@ -233,8 +238,8 @@ fn a_kernel_has_five_buffers_beside_those_of_instances() {
     let moving = canted_tlas::Instance { world_from_object_close: Some(at(1.0)), ..still };
     let mesh = corners(&vertices(0.0));
     for instances in [[still, still], [still, moving]] {
-        let input = SceneInput::build([&mesh], WideConfig::default()).instances(&instances);
-        let scene = TracedScene::new(&gpu, input).unwrap();
+        let input = Source::build([&mesh], WideConfig::default()).with_instances(&instances);
+        let scene = block_on(TracedScene::new(&gpu, input, Options::default())).unwrap();
         // Its layout would be an error of the device, which ends the test.
         let pipeline = pipeline(&device, &(scene.module(1).unwrap() + FIVE));
         scene.bind_group(&gpu, &pipeline.get_bind_group_layout(1)).unwrap();
@@ -326,7 +331,7 @@ fn leave(on: On<'_>, scene: &TracedScene, [x, y, z]: [f32; 3]) -> [[u32; 2]; 2] 
     let (_, _, gpu) = on;
     let counts = [true, false].map(|is_beside| gpu.buffer("counts", &[0, 0, u32::from(is_beside)]).unwrap());
     run(on, (scene, None), &kernel, &counts.each_ref().map(|counts| [counts.wgpu()]), 16);
-    counts.map(|counts| gpu.read(&counts).unwrap()).map(|counts| [counts[0], counts[1]])
+    counts.map(|counts| block_on(gpu.read(&counts)).unwrap()).map(|counts| [counts[0], counts[1]])
 }
 
 /// Rays that start beside a hit do not meet the convex surface again, and others do.
@@ -346,7 +351,7 @@ fn rays_that_leave_a_convex_surface_do_not_hit_it_again() {
             indices: None,
             n_triangles: n_vertices / 3,
         };
-        let scene = BufferScene::new(&gpu, &[mesh], WideConfig::default()).unwrap();
+        let scene = block_on(BufferScene::new(&gpu, &[mesh], WideConfig::default())).unwrap();
         let [[n, n_again], at_hits] = leave(on, scene.traced(), center);
         assert!(n > 12_000 && n_again == 0, "{center:?}: {n_again} of {n}");
         assert!(at_hits[1] > 0, "{center:?}: rays may start at hits");
@@ -358,7 +363,7 @@ fn rays_that_leave_a_convex_surface_do_not_hit_it_again() {
         let transforms = buffer(&device, bytemuck::cast_slice(&words));
         let instances =
             InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 1, has_masks: false };
-        let scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default()).unwrap();
+        let scene = block_on(InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())).unwrap();
         let place = |[x, y, z]: [f32; 3]| rows.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3]);
         let [[n, n_again], at_hits] = leave(on, scene.traced(), place(center));
         assert!(n > 6_000 && n_again == 0, "instance of {center:?}: {n_again} of {n}");

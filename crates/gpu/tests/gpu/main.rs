@@ -12,7 +12,7 @@ mod trace;
 use std::process::ExitCode;
 
 use canted_fixtures::device_tests;
-use canted_gpu::{Choice, Gpu, Limits, TracedScene, wgpu};
+use canted_gpu::{Choice, Gpu, Limits, TracedScene, block_on, wgpu};
 
 fn main() -> ExitCode {
     let tests = [
@@ -25,18 +25,18 @@ fn main() -> ExitCode {
         placed::tests(),
         trace::tests(),
     ];
-    device_tests::run(Gpu::open(&Choice::Best), tests)
+    device_tests::run(block_on(Gpu::open(&Choice::Best)), tests)
 }
 
 /// The best adapter.
 pub(crate) fn gpu() -> Gpu {
-    Gpu::open(&Choice::Best).unwrap()
+    block_on(Gpu::open(&Choice::Best)).unwrap()
 }
 
 /// The best adapter, with this maximum size of storage bindings.
 pub(crate) fn lowered(most: u64) -> Gpu {
     let lower = |limits| Limits { max_storage_buffer_binding_size: most, ..limits };
-    Gpu::with_limits(&Choice::Best, lower).unwrap()
+    block_on(Gpu::with_limits(&Choice::Best, lower)).unwrap()
 }
 
 /// The words of a buffer of a scene, read back; `None` if the scene has no such variable.
@@ -47,5 +47,5 @@ pub(crate) fn words(gpu: &Gpu, scene: &TracedScene, variable: &str) -> Option<Ve
     let mut encoder = gpu.encoder();
     encoder.copy_buffer_to_buffer(buffer, offset, copy.wgpu(), 0, size);
     gpu.submit(encoder).unwrap();
-    Some(gpu.read(&copy).unwrap())
+    Some(block_on(gpu.read(&copy)).unwrap())
 }

@@ -7,7 +7,7 @@ use canted_fixtures::{
 use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{
     BufferScene, DeviceBvh, DeviceInstance, DeviceRay, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, ModuleHit,
-    SceneInput, TracedScene, wgpu,
+    Options, Source, TracedScene, block_on, wgpu,
 };
 use canted_obb::{Affine, PrimId};
 use canted_tlas::Instance;
@@ -101,9 +101,9 @@ fn scenes(
         let soup = soup(random, 200, center);
         for (name, bvh) in &bvhs[..if i == 0 { 2 } else { 1 }] {
             with_buffers(device, &soup, |mesh| {
-                let scene = BufferScene::new(gpu, &[mesh], *bvh).unwrap();
+                let scene = block_on(BufferScene::new(gpu, &[mesh], *bvh)).unwrap();
                 then(random, scene.traced(), &soup, &maps[..1], &format!("{name} at {center:?}"));
-                let scene = InstancedScene::new(gpu, &[mesh], &instances, *bvh).unwrap();
+                let scene = block_on(InstancedScene::new(gpu, &[mesh], &instances, *bvh)).unwrap();
                 then(random, scene.traced(), &soup, &maps, &format!("{name} in two levels at {center:?}"));
             });
         }
@@ -112,8 +112,8 @@ fn scenes(
             let mut moving = maps.map(|map| Instance::new(0, map));
             let columns = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.1], [9.0; 3]];
             moving[1] = Instance::moving(0, maps[1], Affine { columns });
-            let input = SceneInput::build([&soup], WideConfig::default()).instances(&moving);
-            then(random, &TracedScene::new(gpu, input).unwrap(), &soup, &maps, "moving");
+            let input = Source::build([&soup], WideConfig::default()).with_instances(&moving);
+            then(random, &block_on(TracedScene::new(gpu, input, Options::default())).unwrap(), &soup, &maps, "moving");
         }
     }
 }
@@ -189,7 +189,7 @@ fn surfaces_are_those_of_the_cpu() {
         let rays_there = gpu.buffer("rays", &rays).unwrap();
         let found = gpu.zeroed::<Learned>("learned", rays.len()).unwrap();
         run(on, (scene, None), LEARNS, &[[rays_there.wgpu(), found.wgpu()]], 24);
-        let found = gpu.read(&found).unwrap();
+        let found = block_on(gpu.read(&found)).unwrap();
         let mut n = [0; 3];
         for (learned, ray) in found.iter().zip(&rays).filter(|(learned, _)| learned.hit.instance != u32::MAX) {
             assert_eq!(learned.is_incomplete, 0);
@@ -270,7 +270,7 @@ fn rays_beside_a_hit_do_not_hit_its_triangle_again() {
         let counts = [1, 0].map(|is_beside| gpu.buffer("counts", &[0_u32, 0, 0, is_beside]).unwrap());
         let sets = counts.each_ref().map(|counts| [rays_there.wgpu(), counts.wgpu()]);
         run(on, (scene, Some("is_of_interest")), AGAIN, &sets, 24);
-        let [beside, at_hits] = counts.map(|counts| gpu.read(&counts).unwrap());
+        let [beside, at_hits] = counts.map(|counts| block_on(gpu.read(&counts)).unwrap());
         assert!(beside[0] > 8_000 && beside[2] == 0, "{name}: {beside:?}");
         assert_eq!(beside[1], 0, "{name}: rays of {} hit their triangle again", beside[0]);
         assert!(at_hits[1] > 0, "{name}: rays may start at hits");
@@ -298,12 +298,12 @@ fn masked(gpu: &Gpu, device: &wgpu::Device, masks: [u32; 4], then: impl Fn(&Trac
     with_buffers(device, &FLOOR, |mesh| {
         for (name, bvh) in [("binary", DeviceBvh::from(BuildConfig::default())), ("wide", WideConfig::default().into())]
         {
-            then(InstancedScene::new(gpu, &[mesh], &instances, bvh).unwrap().traced(), name);
+            then(block_on(InstancedScene::new(gpu, &[mesh], &instances, bvh)).unwrap().traced(), name);
         }
     });
     let placed: Vec<_> = floors().iter().zip(masks).map(|(map, mask)| Instance::new(0, *map).with_mask(mask)).collect();
-    let input = SceneInput::build([&FLOOR], WideConfig::default()).instances(&placed);
-    then(&TracedScene::new(gpu, input).unwrap(), "placed by the CPU");
+    let input = Source::build([&FLOOR], WideConfig::default()).with_instances(&placed);
+    then(&block_on(TracedScene::new(gpu, input, Options::default())).unwrap(), "placed by the CPU");
 }
 
 /// For each mask up to 7 the instance that a ray with it hits, and whether it hits any.
@@ -329,7 +329,7 @@ fn masks_choose_instances() {
         run((&device, &queue, &gpu), (scene, None), MASKED, &[[found.wgpu()]], 1);
         let first = |mask: u32| (0..4).find(|&i| MASKS[i as usize] & mask != 0);
         let expected: Vec<_> = (0..8).map(|mask| first(mask).map_or([u32::MAX, 0], |i| [i, 1])).collect();
-        assert_eq!(gpu.read(&found).unwrap(), expected, "{name}");
+        assert_eq!(block_on(gpu.read(&found)).unwrap(), expected, "{name}");
     });
 }
 
@@ -361,7 +361,7 @@ fn a_function_of_the_program_accepts_hits() {
                 2 => [[u32::MAX, u32::MAX, 0, 0]; 2],
                 _ => [0, 1].map(|primitive| [primitive, (primitive + rest) % 2, 1, 0]),
             };
-            assert_eq!(gpu.read(&found).unwrap(), expected, "{name}, {rest}");
+            assert_eq!(block_on(gpu.read(&found)).unwrap(), expected, "{name}, {rest}");
         }
     });
 }

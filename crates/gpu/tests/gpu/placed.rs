@@ -6,7 +6,7 @@ use canted_fixtures::{
 };
 use canted_gpu::{
     BufferConfig, DeviceBvh, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, NOT_PLACED, Outcome,
-    wgpu,
+    block_on, wgpu,
 };
 use canted_obb::{Aabb, Affine};
 use canted_tlas::Instance;
@@ -77,8 +77,13 @@ fn scene_of(gpu: &Gpu, instances: &[DeviceInstance]) -> InstancedScene {
     let buffer = storage(gpu, bytemuck::cast_slice(instances));
     let n_instances = u32::try_from(instances.len()).unwrap();
     let instances = InstanceBuffer { buffer: &buffer, first_byte: 0, stride: 64, n_instances, has_masks: false };
-    InstancedScene::new(gpu, &meshes, &instances, BufferConfig { is_checked: false, ..DeviceBvh::default().into() })
-        .unwrap()
+    block_on(InstancedScene::new(
+        gpu,
+        &meshes,
+        &instances,
+        BufferConfig { is_checked: false, ..DeviceBvh::default().into() },
+    ))
+    .unwrap()
 }
 
 /// Whether the words of an instance are those of its inverse and its mesh, apart from the signs of zeros.
@@ -168,9 +173,9 @@ fn faults_of_instances_are_reported_with_their_number() {
         let scene = scene_of(&gpu, &[good, good, bad, good]);
         // Whatever the contents, rays come to an end and meet the others.
         let ray = canted_trace::Ray::new([11.0, -1.0, 100.0], [0.0, 0.0, -1.0]);
-        let hits = scene.traced().closest_hits(&gpu, &[ray]).unwrap();
+        let hits = block_on(scene.traced().closest_hits(&gpu, &[ray])).unwrap();
         assert!(matches!(hits[..], [Outcome::Complete(Some(hit))] if hit.instance == 0), "{hits:?}");
-        scene.check(&gpu).map_err(|error| error.to_string())
+        block_on(scene.check(&gpu)).map_err(|error| error.to_string())
     };
     assert_eq!(with(|_| {}), Ok(()));
     assert_eq!(with(|bad| bad.mesh = NOT_PLACED), Ok(()));

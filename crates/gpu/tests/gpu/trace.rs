@@ -2,7 +2,7 @@
 
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{
-    Gpu, GpuError, Outcome, SceneInput, TracedScene,
+    Gpu, GpuError, Options, Outcome, Source, TracedScene, block_on,
     build::{BuildConfig, WideConfig},
 };
 use canted_obb::Affine;
@@ -51,7 +51,7 @@ fn down(x: f32, y: f32) -> Ray {
 
 /// `t`, primitive and instance of each hit.
 fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u32)>> {
-    let answers = scene.closest_hits(gpu, rays).unwrap();
+    let answers = block_on(scene.closest_hits(gpu, rays)).unwrap();
     let known = answers.into_iter().map(|answer| match answer {
         Outcome::Complete(hit) => hit.map(|hit| (hit.t, hit.primitive, hit.instance)),
         Outcome::Incomplete => panic!("no traversal here is long"),
@@ -61,17 +61,17 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u
 
 fn a_single_level_scene_is_traced() {
     let gpu = gpu();
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(20)])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&floor(20)), Options::default())).unwrap();
     let rays = [down(3.75, 0.25), down(-1.0, 3.0), down(0.25, 19.75), Ray::new([0.0; 3], [0.0; 3])];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 6, 0)), None, Some((2.0, 19 * 40 + 1, 0)), None]);
-    let found: Vec<_> = scene.occluded(&gpu, &rays).unwrap();
+    let found: Vec<_> = block_on(scene.occluded(&gpu, &rays)).unwrap();
     assert_eq!(found, [true, false, true, false].map(Outcome::Complete));
 }
 
 fn triangles_of_a_flattened_scene_belong_to_instances() {
     let gpu = gpu();
     // The second instance has no triangles.
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(4)]).parts(&[0, 8, 8, 31])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&floor(4)), Options { parts: &[0, 8, 8, 31] })).unwrap();
     let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
 }
@@ -84,7 +84,8 @@ fn instances_may_be_mirrored_scaled_or_empty() {
         Instance::new(0, place(-2.0, 1.0, [0.0; 3])),
         Instance::new(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
     ];
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(4), &nothing()]).instances(&instances)).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::tlas([&floor(4), &nothing()], &instances), Options::default()))
+        .unwrap();
     let rays = [down(-1.5, 0.25), down(10.375, 0.25), down(1.0, 1.0)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 1)), Some((3.0, 0, 2)), None]);
 }
@@ -94,30 +95,34 @@ fn empty_scenes_have_no_hits() {
     let rays = [down(0.0, 0.0)];
     let empty = nothing();
     for scene in [
-        TracedScene::new(&gpu, SceneInput::upload([&empty]).parts(&[])),
-        TracedScene::new(&gpu, SceneInput::upload::<&TriangleBvh>([]).instances(&[])),
-        TracedScene::new(&gpu, SceneInput::upload([&empty]).instances(&[Instance::new(0, Affine::IDENTITY)])),
+        TracedScene::new(&gpu, Source::wide(&empty), Options { parts: &[] }),
+        TracedScene::new(&gpu, Source::tlas::<&TriangleBvh>([], &[]), Options::default()),
+        TracedScene::new(&gpu, Source::tlas([&empty], &[Instance::new(0, Affine::IDENTITY)]), Options::default()),
     ] {
-        let scene = scene.unwrap();
+        let scene = block_on(scene).unwrap();
         assert_eq!(hits(&gpu, &scene, &rays), [None]);
-        assert!(scene.closest_hits(&gpu, &[]).unwrap().is_empty());
+        assert!(block_on(scene.closest_hits(&gpu, &[])).unwrap().is_empty());
     }
 }
 
 fn incomplete_traversal_is_reported() {
     let gpu = gpu();
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(20)])).unwrap().with_max_iterations(2);
+    let scene =
+        block_on(TracedScene::new(&gpu, Source::wide(&floor(20)), Options::default())).unwrap().with_max_iterations(2);
     let rays = [down(3.75, 0.25), down(-100.0, 3.0)];
-    let answers = scene.closest_hits(&gpu, &rays).unwrap();
+    let answers = block_on(scene.closest_hits(&gpu, &rays)).unwrap();
     assert_eq!(answers, [Outcome::Incomplete, Outcome::Complete(None)]);
-    assert_eq!(scene.occluded(&gpu, &rays).unwrap(), [Outcome::Incomplete, Outcome::Complete(false)]);
+    assert_eq!(block_on(scene.occluded(&gpu, &rays)).unwrap(), [Outcome::Incomplete, Outcome::Complete(false)]);
 }
 
 fn unsupported_instances_are_rejected() {
     let gpu = gpu();
     let floor = floor(1);
-    let refused = |instance: Instance| match TracedScene::new(&gpu, SceneInput::upload([&floor]).instances(&[instance]))
-    {
+    let refused = |instance: Instance| match block_on(TracedScene::new(
+        &gpu,
+        Source::tlas([&floor], &[instance]),
+        Options::default(),
+    )) {
         Ok(_) => panic!("{instance:?} is traced"),
         Err(error) => error.to_string(),
     };
@@ -141,11 +146,13 @@ fn instances_with_masks_are_traced_by_rays_of_all_bits() {
     let at = |mask| Instance::new(0, Affine::IDENTITY).with_mask(mask);
     // No ray hits an instance with mask 0.
     for (masks, expected) in [([0, 4], Some(1)), ([2, 4], Some(0)), ([0, 0], None)] {
-        let scene = TracedScene::new(&gpu, SceneInput::upload([&floor]).instances(&masks.map(at))).unwrap();
-        let found = scene.closest_hits(&gpu, &[down(0.4, 0.2)]).unwrap();
+        let scene =
+            block_on(TracedScene::new(&gpu, Source::tlas([&floor], &masks.map(at)), Options::default())).unwrap();
+        let found = block_on(scene.closest_hits(&gpu, &[down(0.4, 0.2)])).unwrap();
         let [Outcome::Complete(hit)] = found[..] else { panic!("{found:?}") };
         assert_eq!(hit.map(|hit| hit.instance), expected);
-        let error = scene.closest_hits(&gpu, &[down(0.4, 0.2).with_mask(4)]).err().map(|error| error.to_string());
+        let error =
+            block_on(scene.closest_hits(&gpu, &[down(0.4, 0.2).with_mask(4)])).err().map(|error| error.to_string());
         let expected = "not supported on the GPU: batches of rays with masks through instances with masks; use closest_hit_masked in a kernel";
         assert_eq!(error.as_deref(), (masks != [0, 0]).then_some(expected));
     }
@@ -162,21 +169,24 @@ fn too_large_coordinates_are_rejected() {
         map.columns[3][1] = shift;
         Instance::new(0, map)
     };
-    assert!(TracedScene::new(&gpu, SceneInput::upload([&reaching(1e18)])).is_ok());
-    assert!(TracedScene::new(&gpu, SceneInput::upload([&floor(1)]).instances(&[there(-9e17)])).is_ok());
+    assert!(block_on(TracedScene::new(&gpu, Source::wide(&reaching(1e18)), Options::default())).is_ok());
+    assert!(block_on(TracedScene::new(&gpu, Source::tlas([&floor(1)], &[there(-9e17)]), Options::default())).is_ok());
     for (name, scene) in [
-        ("the scene", TracedScene::new(&gpu, SceneInput::upload([&reaching(1.1e18)]))),
-        ("mesh 0", TracedScene::new(&gpu, SceneInput::upload([&reaching(f32::MAX)]).instances(&[]))),
-        ("instance 1", TracedScene::new(&gpu, SceneInput::upload([&floor(1)]).instances(&[there(0.0), there(-2e18)]))),
+        ("the scene", TracedScene::new(&gpu, Source::wide(&reaching(1.1e18)), Options::default())),
+        ("mesh 0", TracedScene::new(&gpu, Source::tlas([&reaching(f32::MAX)], &[]), Options::default())),
+        (
+            "instance 1",
+            TracedScene::new(&gpu, Source::tlas([&floor(1)], &[there(0.0), there(-2e18)]), Options::default()),
+        ),
     ] {
-        let Err(error) = scene else { panic!("{name} is traced") };
+        let Err(error) = block_on(scene) else { panic!("{name} is traced") };
         assert!(error.to_string().contains(&format!("{name}, which has coordinates above 1e18")), "{error}");
     }
 }
 
 fn a_scene_above_a_device_limit_is_rejected() {
     let gpu = lowered(1 << 16);
-    match TracedScene::new(&gpu, SceneInput::upload([&floor(60)])) {
+    match block_on(TracedScene::new(&gpu, Source::wide(&floor(60)), Options::default())) {
         Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),
         Err(error) => panic!("{error}"),
         Ok(_) => panic!("a large scene fits"),
@@ -194,13 +204,24 @@ fn vertices_that_are_not_finite_are_rejected_by_number() {
         let refused = |built: Result<TracedScene, GpuError>| built.map(drop).unwrap_err().to_string();
         let (binary, wide) = (BuildConfig::default(), WideConfig::default());
         for (mesh, error) in [
-            (0, refused(TracedScene::new(&gpu, SceneInput::build([&second], binary)))),
-            (0, refused(TracedScene::new(&gpu, SceneInput::build([&second], wide)))),
+            (0, refused(block_on(TracedScene::new(&gpu, Source::build([&second], binary), Options::default())))),
+            (0, refused(block_on(TracedScene::new(&gpu, Source::build([&second], wide), Options::default())))),
             (
                 1,
-                refused(TracedScene::new(&gpu, SceneInput::build([&first[..], &second], binary).instances(&instances))),
+                refused(block_on(TracedScene::new(
+                    &gpu,
+                    Source::build([&first[..], &second], binary).with_instances(&instances),
+                    Options::default(),
+                ))),
             ),
-            (1, refused(TracedScene::new(&gpu, SceneInput::build([&first[..], &second], wide).instances(&instances)))),
+            (
+                1,
+                refused(block_on(TracedScene::new(
+                    &gpu,
+                    Source::build([&first[..], &second], wide).with_instances(&instances),
+                    Options::default(),
+                ))),
+            ),
         ] {
             assert_eq!(error, format!("mesh {mesh}: triangle 3 has a vertex that is not finite"));
         }
@@ -212,7 +233,7 @@ fn instances_that_vanish_are_rejected() {
     let gpu = gpu();
     let scaled = |scale: f32| {
         let map = Affine { columns: [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0; 3]] };
-        TracedScene::new(&gpu, SceneInput::upload([&floor(2)]).instances(&[Instance::new(0, map)]))
+        block_on(TracedScene::new(&gpu, Source::tlas([&floor(2)], &[Instance::new(0, map)]), Options::default()))
             .map(drop)
             .map_err(|e| e.to_string())
     };
@@ -224,11 +245,11 @@ fn instances_that_vanish_are_rejected() {
 /// On every driver the iteration limit ends traversal before the driver would.
 fn iteration_limit_is_below_the_drivers() {
     let gpu = gpu();
-    let scene = TracedScene::new(&gpu, SceneInput::upload([&nothing()])).unwrap();
+    let scene = block_on(TracedScene::new(&gpu, Source::wide(&nothing()), Options::default())).unwrap();
     let module = scene.module(0).unwrap();
     let (_, limit) = module.split_once("MAX_ITERATIONS: u32 = ").unwrap();
     let limit: u32 = limit.split_once('u').unwrap().0.parse().unwrap();
-    let counted = canted_gpu::loop_iterations(&gpu, 100_000).unwrap();
+    let counted = block_on(canted_gpu::loop_iterations(&gpu, 100_000)).unwrap();
     // Eight invocations of a vector share the count of iterations where a driver ends loops.
     assert!(limit > 0 && (counted == 100_000 || 8 * limit <= counted), "limit {limit}, where a loop takes {counted}");
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use canted_film::{Block, CELL, Components, Dyadic, Guide, Sums, Tile, Tiling};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, block_on};
 
 use super::picture::Slice;
 use super::records::{
@@ -133,15 +133,15 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         self.kernels.run(self.gpu, &bindings, n)?;
         let time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
-        found.records.extend(self.gpu.read_first(&self.records, n_samples / slice.block as usize)?);
+        found.records.extend(block_on(self.gpu.read_first(&self.records, n_samples / slice.block as usize))?);
         if let Some(guides) = &self.guides {
-            found.guides.extend(self.gpu.read_first(guides, n_samples)?);
+            found.guides.extend(block_on(self.gpu.read_first(guides, n_samples))?);
         }
         if let Some(components) = &self.components {
-            found.components.extend(self.gpu.read_first(components, n_samples)?);
+            found.components.extend(block_on(self.gpu.read_first(components, n_samples))?);
         }
         if let Some(first_light) = &self.first_light {
-            found.first_light.extend(self.gpu.read_first(first_light, n_samples)?);
+            found.first_light.extend(block_on(self.gpu.read_first(first_light, n_samples))?);
         }
         self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
         Ok(())

@@ -11,7 +11,7 @@ use canted_film::Hash;
 use canted_gpu::build::WideConfig;
 use canted_gpu::{
     Buffer, BufferConfig, BufferScene, DeviceBvh, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer,
-    InstancedScene, MeshBuffers, TracedScene, wgpu,
+    InstancedScene, MeshBuffers, TracedScene, block_on, wgpu,
 };
 use canted_scene::{Mesh, Scene};
 
@@ -223,10 +223,12 @@ impl Kept {
     fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: DeviceBvh) -> Result<Self, DeviceError> {
         let meshes = uploaded.meshes();
         let levels = match uploaded.instances() {
-            None => {
-                Levels::One(BufferScene::new(gpu, &meshes, BufferConfig { parts: Some(&frame.first), ..bvh.into() })?)
-            }
-            Some(instances) => Levels::Two(InstancedScene::new(gpu, &meshes, &instances, bvh)?),
+            None => Levels::One(block_on(BufferScene::new(
+                gpu,
+                &meshes,
+                BufferConfig { parts: Some(&frame.first), ..bvh.into() },
+            ))?),
+            Some(instances) => Levels::Two(block_on(InstancedScene::new(gpu, &meshes, &instances, bvh))?),
         };
         let transforms = frame.transforms.clone().unwrap_or_default();
         Ok(Self { bvh, levels, meshes: frame.keys.clone(), first: frame.first.clone(), transforms })
@@ -292,8 +294,8 @@ impl Kept {
         self.meshes.clone_from(&frame.keys);
         self.transforms = transforms.to_vec();
         match &self.levels {
-            Levels::One(one) => one.check(gpu)?,
-            Levels::Two(two) => two.check(gpu)?,
+            Levels::One(one) => block_on(one.check(gpu))?,
+            Levels::Two(two) => block_on(two.check(gpu))?,
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use canted_gpu::{AdapterKind, Draw, GpuError, RasterOutput, Variant};
+use canted_gpu::{AdapterKind, Draw, GpuError, RasterOutput, Variant, block_on};
 use canted_obb::PrimId;
 use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
@@ -61,7 +61,7 @@ impl DevicePicture<'_> {
         let chosen = picture::specialize(Variant::none(), view, self.settings);
         let raster = self.gpu.raster("render/gbuffer", &self.packed.specialize(chosen))?;
         let size = [self.settings.width, self.settings.height];
-        let drawn = self.gpu.draw(&raster, &self.bindings(), size, &draws(self.surfaces.scene())?)?;
+        let drawn = block_on(self.gpu.draw(&raster, &self.bindings(), size, &draws(self.surfaces.scene())?))?;
         Ok(GBuffer { time: drawn.time, pixels: self.surfaces_of(&drawn) })
     }
 

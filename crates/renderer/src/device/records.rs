@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::{Aovs, Block, Pixel};
-use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding};
+use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, block_on};
 
 use crate::SampleSums;
 
@@ -95,7 +95,7 @@ impl ReadyKernels {
         for kernel in [&self.kernels.light].into_iter().chain(&self.kernels.guide) {
             commands.dispatch(kernel, bindings, kernel.groups(n * kernel.group_size()))?;
         }
-        commands.run()
+        block_on(commands.run())
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use canted_gpu::build::BuildConfig;
-use canted_gpu::{DeviceBvh, Gpu, HostBvh, SceneInput, TracedScene};
+use canted_gpu::{DeviceBvh, Gpu, HostBvh, Options, Source, TracedScene, block_on};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 
@@ -95,10 +95,10 @@ pub fn traced_frame<'a>(
 fn uploaded(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh, kind: Kind<'_>) -> Result<TracedScene, DeviceError> {
     Ok(match (kind, bvh.levels()) {
         (Kind::Wide(meshes), SceneLevels::One(flat)) => {
-            TracedScene::new(gpu, SceneInput::upload(meshes).parts(&flat.first))?
+            block_on(TracedScene::new(gpu, Source::Wide(meshes[0]), Options { parts: &flat.first }))?
         }
         (Kind::Wide(meshes), SceneLevels::Two(_)) => {
-            TracedScene::new(gpu, SceneInput::upload(meshes).instances(&instances(scene)))?
+            block_on(TracedScene::new(gpu, Source::tlas(meshes, &instances(scene)), Options::default()))?
         }
         (Kind::Binary(strategy), _) => {
             built(gpu, scene, matches!(bvh.levels(), SceneLevels::One(_)), config(strategy).into())?
@@ -131,11 +131,15 @@ fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<Trac
     if is_flat {
         let (positions, triangles, first) = flatten_distinct(scene)?;
         let corners = corners(&positions, &triangles)?;
-        return Ok(TracedScene::new(gpu, SceneInput::build([&corners], bvh).parts(&first))?);
+        return Ok(block_on(TracedScene::new(gpu, Source::build([&corners], bvh), Options { parts: &first }))?);
     }
     let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &coincident::of_mesh(scene, mesh)));
     let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
-    Ok(TracedScene::new(gpu, SceneInput::build(&meshes, bvh).instances(&instances(scene)))?)
+    Ok(block_on(TracedScene::new(
+        gpu,
+        Source::build(&meshes, bvh).with_instances(&instances(scene)),
+        Options::default(),
+    ))?)
 }
 
 fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {

@@ -9,11 +9,14 @@ use std::process::ExitCode;
 
 use bytemuck::Pod;
 use canted_fixtures::device_tests;
-use canted_gpu::{Choice, Gpu, NamedBinding, Variant};
+use canted_gpu::{Choice, Gpu, NamedBinding, Variant, block_on};
 use canted_renderer::{Bsdf, Cone, Pattern, Sampler, Surface};
 
 fn main() -> ExitCode {
-    device_tests::run(Gpu::open(&Choice::Best), [bsdf::tests(), hair::tests(), incoming::tests(), light::tests()])
+    device_tests::run(
+        block_on(Gpu::open(&Choice::Best)),
+        [bsdf::tests(), hair::tests(), incoming::tests(), light::tests()],
+    )
 }
 
 /// Half a ULP of 1: the maximum relative error of one rounding.
@@ -21,7 +24,7 @@ const U: f64 = 0.5 * f32::EPSILON as f64;
 
 /// The best adapter.
 fn gpu() -> Gpu {
-    Gpu::open(&Choice::Best).unwrap_or_else(|error| panic!("{error}"))
+    block_on(Gpu::open(&Choice::Best)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Runs a kernel of `check/`: its `answers` for `queries`.
@@ -39,8 +42,8 @@ fn answers<Q: Pod, A: Pod>(
     bound.extend(others);
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(queries.len()).unwrap())).unwrap();
-    commands.run().unwrap();
-    gpu.read(&answers).unwrap()
+    block_on(commands.run()).unwrap();
+    block_on(gpu.read(&answers)).unwrap()
 }
 
 /// Number of answers that match the CPU's, and number of those at a discontinuity; or what is wrong with the first.

@@ -1,0 +1,89 @@
+//! Where the BVHs of a scene come from.
+
+use canted_lbvh::Corners;
+use canted_tlas::Instance;
+
+use super::nodes::DeviceBvh;
+use super::scene::HostBvh;
+
+/// Where the BVHs of a [`TracedScene`](crate::TracedScene) come from, and what is above them.
+///
+/// In a scene with round segments the `u` of a hit is the position along the segment and its `v` is 0, in kernels 1 where the ray leaves. Batches of rays leave to
+/// the CPU what single precision does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)); kernels that use `shared/traverse` take the answer of single
+/// precision, whose hits are within [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a segment that a ray enters less deep than that.
+pub enum Source<'a> {
+    /// One level: a BVH in world space that the CPU built, which is uploaded.
+    Wide(HostBvh<'a>),
+    /// Two levels: instances of BVHs that the CPU built, and a BVH over them.
+    Tlas {
+        /// Each in its own space.
+        bvhs: Vec<HostBvh<'a>>,
+        /// By index into `bvhs`.
+        instances: &'a [Instance],
+    },
+    /// BVHs that the device builds.
+    Build {
+        /// The triangles of each mesh; of one mesh, in world space, without instances.
+        meshes: Vec<&'a [Corners]>,
+        /// Which BVHs.
+        bvh: DeviceBvh,
+        /// Two levels, of instances by index into `meshes`.
+        instances: Option<&'a [Instance]>,
+    },
+}
+
+/// What a [`TracedScene`](crate::TracedScene) is told besides its [`Source`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// In one level: the first triangle of each instance that the triangles belong to, in order. Empty: they belong to one instance.
+    pub parts: &'a [u32],
+}
+
+/// What is above the BVHs.
+pub(super) enum Levels<'a> {
+    /// Nothing. The first triangle of each instance.
+    One(&'a [u32]),
+    /// A BVH over these instances.
+    Two(&'a [Instance]),
+}
+
+impl<'a> Source<'a> {
+    /// [`Self::Wide`] of a reference to a BVH.
+    #[must_use]
+    pub fn wide(bvh: impl Into<HostBvh<'a>>) -> Self {
+        Self::Wide(bvh.into())
+    }
+
+    /// [`Self::Tlas`] of references to BVHs.
+    #[must_use]
+    pub fn tlas<B: Into<HostBvh<'a>>>(bvhs: impl IntoIterator<Item = B>, instances: &'a [Instance]) -> Self {
+        Self::Tlas { bvhs: bvhs.into_iter().map(Into::into).collect(), instances }
+    }
+
+    /// [`Self::Build`] in one level; [`Self::with_instances`] adds another.
+    #[must_use]
+    pub fn build<M: AsRef<[Corners]> + ?Sized + 'a>(
+        meshes: impl IntoIterator<Item = &'a M>,
+        bvh: impl Into<DeviceBvh>,
+    ) -> Self {
+        Self::Build { meshes: meshes.into_iter().map(AsRef::as_ref).collect(), bvh: bvh.into(), instances: None }
+    }
+
+    /// The same BVHs in two levels.
+    #[must_use]
+    pub fn with_instances(self, instances: &'a [Instance]) -> Self {
+        match self {
+            Self::Wide(bvh) => Self::Tlas { bvhs: vec![bvh], instances },
+            Self::Tlas { bvhs, .. } => Self::Tlas { bvhs, instances },
+            Self::Build { meshes, bvh, .. } => Self::Build { meshes, bvh, instances: Some(instances) },
+        }
+    }
+
+    pub(super) fn instances(&self) -> Option<&'a [Instance]> {
+        match self {
+            Self::Wide(_) => None,
+            Self::Tlas { instances, .. } => Some(instances),
+            Self::Build { instances, .. } => *instances,
+        }
+    }
+}
