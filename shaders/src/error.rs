@@ -1,17 +1,14 @@
+use crate::ShaderName;
+
 /// Why a kernel cannot be assembled.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ShaderError {
-    /// No file or part has this name.
-    NoSuchFile {
-        /// The requested name.
-        name: String,
-    },
     /// A slot or constant of the kernel has no choice.
     MissingChoice {
         /// The kernel.
-        kernel: String,
+        kernel: ShaderName,
         /// The slot or constant.
-        what: String,
+        what: &'static str,
     },
     /// A choice was made for a slot, constant or override that the kernel does not have.
     UnknownChoice {
@@ -37,7 +34,6 @@ pub enum ShaderError {
 impl std::fmt::Display for ShaderError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoSuchFile { name } => write!(f, "no shader file '{name}'"),
             Self::MissingChoice { kernel, what } => write!(f, "kernel '{kernel}' needs a choice for '{what}'"),
             Self::UnknownChoice { kernel, what } => write!(f, "kernel '{kernel}' has no slot or constant '{what}'"),
             Self::BadName { name } => {

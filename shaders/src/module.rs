@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::{ShaderError, Variant, assemble};
+use crate::{ShaderError, Variant, assemble, wgsl};
 
 /// Names that a user's kernel calls: those in `shared/module`, and what they become.
 const PUBLIC: [(&str, &str); 13] = [
@@ -79,8 +79,10 @@ pub fn traversal_module<'a>(
         Some("") => return Err(ShaderError::BadName { name: String::new() }),
         Some(name) => check_name(name).map(|()| format!("{name}(hit)"))?,
     };
-    let text =
-        joined(&code(&assemble("shared/module", &chosen.clone().part("mask", "shared/module/counted"))?), tables)?;
+    let text = joined(
+        &code(&assemble(wgsl::shared::MODULE, &chosen.clone().fill("mask", wgsl::shared::module::COUNTED.as_str()))?),
+        tables,
+    )?;
     let text = prefixed(&(text + CALLED), prefix).replace("@group(0)", &format!("@group({group})"));
     // The name of the program's function gets no prefix.
     Ok(text.replace(CALL, &accepted))
@@ -102,7 +104,7 @@ fn joined(text: &str, tables: &[(&str, u32)]) -> Result<String, ShaderError> {
         let line = text.lines().find(|line| line.contains(&declares)).map(str::to_owned);
         let of = |line: &String| Some(line.split_once(&declares)?.1.strip_suffix(">;")?.to_owned());
         let Some((line, element)) = line.and_then(|line| of(&line).map(|element| (line, element))) else {
-            return Err(ShaderError::UnknownChoice { kernel: "shared/module".to_owned(), what: name.to_owned() });
+            return Err(ShaderError::UnknownChoice { kernel: wgsl::shared::MODULE.to_string(), what: name.to_owned() });
         };
         members.push_str(&format!("@align({TABLE_BYTES}) {name}: array<{element}, {length}u>,\n"));
         text = text.replace(&(line + "\n"), "").replace(&format!("arrayLength(&{name})"), &format!("{length}u"));

@@ -5,7 +5,7 @@ use naga::{
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
 
-use crate::{ShaderError, Variant, assemble};
+use crate::{ShaderError, ShaderName, Variant, assemble};
 
 /// Maximum number of storage buffers of a stage over all kernels: the limit that hosts request.
 pub const MAX_STORAGE_BUFFERS: u32 = 28;
@@ -13,12 +13,12 @@ pub const MAX_STORAGE_BUFFERS: u32 = 28;
 /// An assembled and validated kernel.
 #[derive(Clone, Debug)]
 pub struct Shader {
-    /// Name of the file.
+    /// Its name.
     pub name: String,
     /// WGSL with all parts.
     pub source: String,
     /// Values of the overrides.
-    pub overrides: Vec<(String, f64)>,
+    pub overrides: Vec<(&'static str, f64)>,
     /// Its entry points, in order.
     pub entries: Vec<Entry>,
     /// Its structures.
@@ -98,12 +98,12 @@ impl Shader {
     ///
     /// # Errors
     /// The errors of [`assemble`], invalid WGSL, or an override that is unknown or has no value.
-    pub fn new(name: &str, chosen: &Variant) -> Result<Self, ShaderError> {
+    pub fn new(name: ShaderName, chosen: &Variant) -> Result<Self, ShaderError> {
         let source = assemble(name, chosen)?;
-        let (module, info) = specialized(name, &source, chosen.overrides())?;
+        let (module, info) = specialized(name.as_str(), &source, chosen.overrides())?;
         let entries = (0..module.entry_points.len()).map(|index| entry(&module, &info, index)).collect();
         let layouts = module.types.iter().filter_map(|(_, ty)| layout(ty)).collect();
-        Ok(Self { name: name.to_owned(), source, overrides: chosen.overrides().to_vec(), entries, layouts })
+        Ok(Self { name: name.to_string(), source, overrides: chosen.overrides().to_vec(), entries, layouts })
     }
 
     /// The kernel as words of SPIR-V, for a driver without `wgpu`. Loops are bounded as `wgpu` bounds them; indices are not checked.
@@ -135,19 +135,19 @@ impl Shader {
 pub(crate) fn specialized(
     name: &str,
     source: &str,
-    overrides: &[(String, f64)],
+    overrides: &[(&'static str, f64)],
 ) -> Result<(Module, ModuleInfo), ShaderError> {
     let invalid = |message: String| ShaderError::Invalid { kernel: name.to_owned(), message };
     let module = naga::front::wgsl::parse_str(source).map_err(|error| invalid(error.emit_to_string(source)))?;
     for (known, _) in overrides {
         if !module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(known)) {
-            return Err(ShaderError::UnknownChoice { kernel: name.to_owned(), what: known.clone() });
+            return Err(ShaderError::UnknownChoice { kernel: name.to_owned(), what: (*known).to_owned() });
         }
     }
     // No optional capabilities: a kernel that needs one fails here rather than on another machine.
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
     let info = validator.validate(&module).map_err(|error| invalid(error.emit_to_string(source)))?;
-    let values = overrides.iter().cloned().collect();
+    let values = overrides.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let (module, info) = naga::back::pipeline_constants::process_overrides(&module, &info, None, &values)
         .map_err(|error| invalid(error.to_string()))?;
     Ok((module.into_owned(), info.into_owned()))
@@ -221,10 +221,11 @@ macro_rules! same_layout {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wgsl;
 
     #[test]
     fn reflection_lists_bindings() {
-        let shader = Shader::new("check/loops", &Variant::none()).unwrap();
+        let shader = Shader::new(wgsl::check::LOOPS, &Variant::none()).unwrap();
         let main = shader.entry("main").unwrap();
         assert_eq!(main.workgroup_size, [64, 1, 1]);
         let bindings: Vec<_> = main.bindings.iter().map(|b| (b.number, b.name.as_str(), b.kind)).collect();
@@ -244,10 +245,10 @@ mod tests {
     fn overrides_may_size_work_group_memory() {
         let text = "override N: u32 = 4u; var<workgroup> shared_words: array<u32, N>;
             @compute @workgroup_size(N) fn main(@builtin(local_invocation_index) i: u32) { shared_words[i] = i; }";
-        let (module, info) = specialized("x", text, &[("N".to_owned(), 64.0)]).unwrap();
+        let (module, info) = specialized("x", text, &[("N", 64.0)]).unwrap();
         let entry = entry(&module, &info, 0);
         assert_eq!((entry.workgroup_size, entry.workgroup_bytes), ([64, 1, 1], 256));
-        let error = specialized("x", text, &[("M".to_owned(), 1.0)]).unwrap_err();
+        let error = specialized("x", text, &[("M", 1.0)]).unwrap_err();
         assert_eq!(error.to_string(), "kernel 'x' has no slot or constant 'M'");
     }
 }

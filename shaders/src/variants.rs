@@ -1,42 +1,40 @@
 //! Variants of a kernel that together have every choice for its slots.
 
-use crate::{FILES, ShaderError, Variant, assemble};
+use crate::choice::Mask;
+use crate::files::{Choice, SLOTS};
+use crate::{ShaderError, ShaderName, Variant, assemble, wgsl};
 
 /// Stands in for constants that hosts set, such as the size of a stack.
 const NUMBER: u32 = 16;
 
-/// Names of the parts that fill a slot.
-fn parts(slot: &str) -> Vec<String> {
-    let of_file = |(file, text): &(&'static str, &'static str)| {
-        let choices = text.lines().filter_map(|line| line.strip_prefix("// choice "));
-        choices.map(|choice| format!("{file}/{choice}")).collect::<Vec<_>>()
-    };
-    let fills = |name: &String| name.rsplit('/').nth(1) == Some(slot);
-    FILES.iter().flat_map(of_file).filter(fills).collect()
+/// Names of the parts that fill a slot; none for a constant.
+fn parts(slot: &str) -> &'static [&'static str] {
+    SLOTS.iter().find(|(known, _)| *known == slot).map_or(&[], |(_, parts)| parts)
 }
 
 /// Variants of a kernel, for checks and measurements of all kernels: every combination of choices where a kernel only traces rays, and
 /// otherwise so many that each part of each slot is in one, because all combinations would be thousands.
 ///
 /// ```
-/// let all = canted_shaders::variants("trace/occluded")?;
-/// assert!(all.iter().any(|chosen| chosen.parts().any(|part| part == ("level", "shared/level/moving"))));
+/// use canted_shaders::{choice::Level, variants, wgsl};
+///
+/// let all = variants(wgsl::trace::OCCLUDED)?;
+/// assert!(all.iter().any(|chosen| chosen.has(Level::Moving)));
 /// # Ok::<(), canted_shaders::ShaderError>(())
 /// ```
 ///
 /// # Errors
-/// A name without a kernel.
-pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
+/// A choice that the kernel has no slot for.
+pub fn variants(kernel: ShaderName) -> Result<Vec<Variant>, ShaderError> {
     // Alpha and faces need surfaces, which kernels that only trace do not have.
-    let only_traces = kernel.starts_with("trace/")
-        || ["shared/module", "shared/traverse", "check/moving", "check/triangle"].contains(&kernel);
+    let only_traces = kernel.as_str().starts_with("trace/")
+        || [wgsl::shared::MODULE, wgsl::shared::TRAVERSE, wgsl::check::MOVING, wgsl::check::TRIANGLE].contains(&kernel);
     let fills = |slot: &str| {
-        let mut parts = parts(slot);
         let reads_surfaces = |part: &str| {
-            part.starts_with("shared/surface_curve/") || part.starts_with("shared/mask/") && part != "shared/mask/none"
+            part.starts_with("shared/surface_curve/") || part.starts_with("shared/mask/") && part != Mask::None.part()
         };
-        parts.retain(|part| !only_traces || !reads_surfaces(part));
-        parts
+        let usable = parts(slot).iter().copied().filter(|part| !only_traces || !reads_surfaces(part));
+        usable.collect::<Vec<&'static str>>()
     };
     let mut done = vec![];
     if only_traces {
@@ -45,9 +43,9 @@ pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
             match missing(kernel, &chosen)? {
                 None => done.push(chosen),
                 // Reversed, so that the first choice is the next one taken.
-                Some(what) => match fills(&what) {
-                    parts if parts.is_empty() => open.push(chosen.number(&what, NUMBER)),
-                    parts => open.extend(parts.iter().rev().map(|part| chosen.clone().part(&what, part))),
+                Some(what) => match fills(what) {
+                    parts if parts.is_empty() => open.push(chosen.set(what, NUMBER)),
+                    parts => open.extend(parts.iter().rev().map(|part| chosen.clone().fill(what, part))),
                 },
             }
         }
@@ -57,11 +55,11 @@ pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
     while done.len() < n_variants {
         let mut chosen = Variant::none();
         while let Some(what) = missing(kernel, &chosen)? {
-            let parts = fills(&what);
+            let parts = fills(what);
             n_variants = n_variants.max(parts.len());
             chosen = match parts.get(done.len() % parts.len().max(1)) {
-                Some(part) => chosen.part(&what, part),
-                None => chosen.number(&what, NUMBER),
+                Some(part) => chosen.fill(what, part),
+                None => chosen.set(what, NUMBER),
             };
         }
         done.push(chosen);
@@ -70,7 +68,7 @@ pub fn variants(kernel: &str) -> Result<Vec<Variant>, ShaderError> {
 }
 
 /// The first slot or constant without a choice.
-fn missing(kernel: &str, chosen: &Variant) -> Result<Option<String>, ShaderError> {
+fn missing(kernel: ShaderName, chosen: &Variant) -> Result<Option<&'static str>, ShaderError> {
     match assemble(kernel, chosen) {
         Ok(_) => Ok(None),
         Err(ShaderError::MissingChoice { what, .. }) => Ok(Some(what)),
@@ -81,23 +79,17 @@ fn missing(kernel: &str, chosen: &Variant) -> Result<Option<String>, ShaderError
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::choice::{Level, NodeKinds, Volume};
 
     #[test]
     fn kernels_that_trace_have_every_combination() {
-        let all = variants("trace/closest").unwrap();
-        let has = |chosen: &Variant, want: (&str, &str)| chosen.parts().any(|part| part == want);
-        for level in ["single", "flat", "instances", "moving"] {
-            let level = format!("shared/level/{level}");
-            for kinds in [
-                ("node_kinds", "shared/bvh/node_kinds/aligned"),
-                ("node_kinds", "shared/bvh/node_kinds/any"),
-                ("volume", "shared/bvh/volume/obb"),
-            ] {
-                let n = all.iter().filter(|chosen| has(chosen, kinds) && has(chosen, ("level", &level))).count();
-                // With and without counts, and wide BVHs with and without curves.
-                assert_eq!(n, if kinds.0 == "volume" { 2 } else { 4 }, "{kinds:?}, {level}");
-            }
+        let all = variants(wgsl::trace::CLOSEST).unwrap();
+        let count = |has: &dyn Fn(&Variant) -> bool| all.iter().filter(|chosen| has(chosen)).count();
+        for level in [Level::Single, Level::Flat, Level::Instances, Level::Moving] {
+            // With and without counts, and wide BVHs with and without curves.
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Aligned)), 4, "{level:?}");
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Any)), 4, "{level:?}");
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(Volume::Obb)), 2, "{level:?}");
         }
-        assert!(variants("no/kernel").is_err());
     }
 }

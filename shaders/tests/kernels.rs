@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use canted_shaders::{
-    BindingKind, MAX_STORAGE_BUFFERS, MODULE_BUFFERS, ModuleOptions, Shader, ShaderStage, Variant, kernels, lint,
-    traversal_module, variants,
+    BindingKind, MAX_STORAGE_BUFFERS, MODULE_BUFFERS, ModuleOptions, Shader, ShaderName, ShaderStage, Variant, choice,
+    kernels, lint, traversal_module, variants, wgsl,
 };
 
 /// Limits that every device supports: the defaults of WebGPU, except for storage buffers.
@@ -12,7 +12,7 @@ const MAX_INVOCATIONS: u32 = 256;
 const MAX_WORKGROUP_BYTES: u32 = 16_384;
 
 /// Choices for a kernel: each part of each slot is in one.
-fn choices(kernel: &str) -> Vec<Variant> {
+fn choices(kernel: ShaderName) -> Vec<Variant> {
     variants(kernel).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -47,9 +47,9 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
 #[test]
 fn light_in_parts_is_bound_only_where_it_is_kept() {
     let mut n_kept = 0;
-    for kernel in ["render/hybrid", "render/path"] {
+    for kernel in [wgsl::render::HYBRID, wgsl::render::PATH] {
         for chosen in choices(kernel) {
-            let is_kept = chosen.parts().any(|part| part == ("components", "shared/camera/components/three"));
+            let is_kept = chosen.has(choice::Components::Three);
             let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
             let binds = shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == "components");
             assert_eq!(binds, is_kept, "{kernel}: {chosen:?}");
@@ -57,9 +57,9 @@ fn light_in_parts_is_bound_only_where_it_is_kept() {
         }
     }
     assert!(n_kept >= 2);
-    for chosen in choices("render/hybrid") {
-        let is_kept = chosen.parts().any(|part| part == ("first_light", "shared/camera/first_light/four"));
-        let shader = Shader::new("render/hybrid", &chosen).unwrap_or_else(|error| panic!("{error}"));
+    for chosen in choices(wgsl::render::HYBRID) {
+        let is_kept = chosen.has(choice::FirstLight::Four);
+        let shader = Shader::new(wgsl::render::HYBRID, &chosen).unwrap_or_else(|error| panic!("{error}"));
         let binds = shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == "first_light");
         assert_eq!(binds, is_kept, "{chosen:?}");
     }
@@ -84,27 +84,26 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// The choices for a module, which has its own mask.
 fn without_mask(chosen: &Variant) -> Variant {
-    let parts = chosen.parts().filter(|(slot, _)| *slot != "mask");
-    let none = Variant::none().number("STACK_SIZE", 16).number("MAX_ITERATIONS", 1000);
-    parts.fold(none, |chosen, (slot, part)| chosen.part(slot, part))
+    chosen.clone().without::<choice::Mask>()
 }
 
 /// Tables of a structure, with some lengths.
 fn tables(chosen: &Variant) -> Vec<(&'static str, u32)> {
-    let level = chosen.parts().find(|(slot, _)| *slot == "level").unwrap().1;
-    let above: &[(&str, u32)] = match level {
-        "shared/level/single" => &[],
-        "shared/level/flat" => &[("first_triangles", 3)],
-        "shared/level/instances" => &[("instances", 5), ("instance_order", 4)],
-        "shared/level/moving" => &[("instances", 5), ("instance_order", 4), ("motions", 1)],
-        other => panic!("{other}"),
+    let above: &[(&str, u32)] = if chosen.has(choice::Level::Single) {
+        &[]
+    } else if chosen.has(choice::Level::Flat) {
+        &[("first_triangles", 3)]
+    } else if chosen.has(choice::Level::Instances) {
+        &[("instances", 5), ("instance_order", 4)]
+    } else {
+        &[("instances", 5), ("instance_order", 4), ("motions", 1)]
     };
     [&[("bvhs", 2)], above].concat()
 }
 
 #[test]
 fn a_kernel_includes_the_module_of_every_structure() {
-    for chosen in choices("shared/traverse") {
+    for chosen in choices(wgsl::shared::TRAVERSE) {
         let chosen = without_mask(&chosen);
         let tables = tables(&chosen);
         let module = traversal_module(&chosen, &tables, 1).unwrap();

@@ -12,7 +12,7 @@ use std::{
     thread,
 };
 
-use canted_shaders::{Shader, Variant, kernels, variants};
+use canted_shaders::{Shader, ShaderName, Variant, choice, kernels, variants};
 use serde::Serialize;
 
 use driver::{Compiled, Driver};
@@ -52,7 +52,7 @@ fn main() -> ExitCode {
 /// All kernels, compiled on all threads of the processor.
 fn rows(driver: &Driver, family: &str) -> Result<Vec<Row>, String> {
     let mut jobs = vec![];
-    for kernel in kernels().filter(|kernel| !kernel.starts_with("check/")) {
+    for kernel in kernels().filter(|kernel| !kernel.as_str().starts_with("check/")) {
         let variants = variants(kernel).map_err(|error| error.to_string())?;
         // Counting is for measurements.
         jobs.extend(variants.into_iter().filter(|chosen| !counts(chosen)).map(|chosen| (kernel, chosen)));
@@ -63,7 +63,7 @@ fn rows(driver: &Driver, family: &str) -> Result<Vec<Row>, String> {
         while let Some((i, (kernel, chosen))) =
             Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, jobs.get(i)?)))
         {
-            if let Some(row) = row(driver, family, kernel, chosen)? {
+            if let Some(row) = row(driver, family, *kernel, chosen)? {
                 found.push((i, row));
             }
         }
@@ -80,14 +80,14 @@ fn rows(driver: &Driver, family: &str) -> Result<Vec<Row>, String> {
 }
 
 /// `None` for a raster pass, which is no compute kernel.
-fn row(driver: &Driver, family: &str, kernel: &str, chosen: &Variant) -> Result<Option<Row>, String> {
+fn row(driver: &Driver, family: &str, kernel: ShaderName, chosen: &Variant) -> Result<Option<Row>, String> {
     let in_kernel = |error: &dyn std::fmt::Display| format!("kernel '{kernel}', {}: {error}", name(chosen));
     let shader = Shader::new(kernel, chosen).map_err(|error| in_kernel(&error))?;
     let Some(entry) = shader.entry("main") else { return Ok(None) };
     let words = shader.spirv().map_err(|error| in_kernel(&error))?;
     let compiled = driver.compile(&words, entry).map_err(|error| in_kernel(&error))?;
     Ok(Some(Row {
-        kernel: kernel.to_owned(),
+        kernel: kernel.to_string(),
         variant: name(chosen),
         family: family.to_owned(),
         compiled,
@@ -96,7 +96,7 @@ fn row(driver: &Driver, family: &str, kernel: &str, chosen: &Variant) -> Result<
 }
 
 fn counts(chosen: &Variant) -> bool {
-    chosen.parts().any(|(slot, part)| slot == "count" && !part.ends_with("/none"))
+    chosen.has(choice::Count::Tests)
 }
 
 /// The choices of a variant: `slot=choice` for each slot, in the order of names.

@@ -1,6 +1,6 @@
 //! Command lists, and detection of drivers that end the loops of kernels early.
 
-use canted_shaders::Binding;
+use canted_shaders::{Binding, wgsl};
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, CommandEncoder, CommandEncoderDescriptor,
     ComputePassDescriptor, ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
@@ -359,7 +359,7 @@ pub(crate) const LONG_LOOP: u32 = 100_000;
 /// # Errors
 /// The device is lost or does not finish.
 pub async fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
-    let kernel = gpu.kernel("check/loops", &Variant::none())?;
+    let kernel = gpu.kernel(wgsl::check::LOOPS, &Variant::none())?;
     let parameters = gpu.uniform("loop check", &[wanted, 0, 0, 0])?;
     let counted = gpu.zeroed::<u32>("loop iterations", 1)?;
     let mut commands = gpu.commands();

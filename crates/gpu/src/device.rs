@@ -9,7 +9,7 @@ use std::{
     },
 };
 
-use canted_shaders::MAX_STORAGE_BUFFERS;
+use canted_shaders::{MAX_STORAGE_BUFFERS, ShaderName};
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, SubmissionIndex, Trace};
 
 use crate::adapter::{AdapterInfo, Choice, choose, facts_of};
@@ -238,7 +238,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The kernel is invalid or exceeds the limits of the device.
-    pub fn kernel(&self, name: &str, chosen: &Variant) -> Result<Arc<Kernel>, GpuError> {
+    pub fn kernel(&self, name: ShaderName, chosen: &Variant) -> Result<Arc<Kernel>, GpuError> {
         let key = format!("{name} {chosen:?}");
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(kernel) = kernels.get(&key) {

@@ -122,7 +122,9 @@ mod tests {
 
     #[test]
     fn shader_errors_are_the_source() {
-        let Err(kernel) = canted_shaders::assemble("no/such", &canted_shaders::Variant::none()) else {
+        let Err(kernel) =
+            canted_shaders::assemble(canted_shaders::wgsl::trace::CLOSEST, &canted_shaders::Variant::none())
+        else {
             panic!("there is no such kernel");
         };
         let message = kernel.to_string();

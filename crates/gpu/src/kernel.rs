@@ -1,6 +1,6 @@
 //! Compiled kernels.
 
-use canted_shaders::{Binding, BindingKind, Entry, Shader, Variant};
+use canted_shaders::{Binding, BindingKind, Entry, Shader, ShaderName, Variant};
 use wgpu::{
     ComputePipelineDescriptor, Limits, PipelineCache, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource,
 };
@@ -19,7 +19,7 @@ impl Kernel {
     pub(crate) fn new(
         device: &wgpu::Device,
         limits: &Limits,
-        name: &str,
+        name: ShaderName,
         chosen: &Variant,
         is_checked: bool,
         cache: Option<&PipelineCache>,
@@ -27,25 +27,25 @@ impl Kernel {
         let shader = Shader::new(name, chosen)?;
         let entry =
             shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
-        fits(name, entry, limits)?;
-        let descriptor =
-            ShaderModuleDescriptor { label: Some(name), source: ShaderSource::Wgsl(shader.source.as_str().into()) };
+        fits(name.as_str(), entry, limits)?;
+        let descriptor = ShaderModuleDescriptor {
+            label: Some(name.as_str()),
+            source: ShaderSource::Wgsl(shader.source.as_str().into()),
+        };
         let module = if is_checked || !trusted::is_proved(name) {
             device.create_shader_module(descriptor)
         } else {
             trusted::module(device, name, descriptor)
         };
-        let constants: Vec<(&str, f64)> =
-            shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
         let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {
-            label: Some(name),
+            label: Some(name.as_str()),
             layout: None,
             module: &module,
             entry_point: Some("main"),
-            compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
+            compilation_options: PipelineCompilationOptions { constants: &shader.overrides, ..Default::default() },
             cache,
         });
-        Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone() })
+        Ok(Self { name: name.to_string(), pipeline, entry: entry.clone() })
     }
 
     /// Its bindings.

@@ -215,7 +215,7 @@ pub use buffer::Buffer;
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_lbvh::{Bits, Strategy};
 pub use canted_obb::Affine;
-pub use canted_shaders::{ModuleOptions, Variant};
+pub use canted_shaders::{ModuleOptions, Number, Override, ShaderName, Variant, choice, wgsl};
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime, loop_iterations};
 pub use device::Gpu;
 pub use error::GpuError;

@@ -2,7 +2,7 @@
 
 use std::{collections::VecDeque, ops::Range, time::Duration};
 
-use canted_shaders::{Binding, Shader, Variant};
+use canted_shaders::{Binding, Shader, ShaderName, Variant};
 use wgpu::{
     BindGroup, Color, CompareFunction, DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState,
     Operations, PipelineCompilationOptions, PrimitiveState, RenderPassColorAttachment,
@@ -45,7 +45,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As for [`Gpu::kernel`], or too few bytes per pixel.
-    pub fn raster(&self, name: &str, chosen: &Variant) -> Result<RasterPipeline, GpuError> {
+    pub fn raster(&self, name: ShaderName, chosen: &Variant) -> Result<RasterPipeline, GpuError> {
         self.check()?;
         let most = self.limits().max_color_attachment_bytes_per_sample;
         if most < PIXEL_BYTES {
@@ -58,15 +58,13 @@ impl Gpu {
         bindings.sort_by_key(|binding| (binding.group, binding.number));
         bindings.dedup_by_key(|binding| (binding.group, binding.number));
         let module = self.device.create_shader_module(ShaderModuleDescriptor {
-            label: Some(name),
+            label: Some(name.as_str()),
             source: ShaderSource::Wgsl(shader.source.as_str().into()),
         });
-        let constants: Vec<(&str, f64)> =
-            shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        let options = PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let options = PipelineCompilationOptions { constants: &shader.overrides, ..Default::default() };
         let targets = [const { Some(TextureFormat::Rgba32Uint) }; N_TARGETS].map(|format| format.map(Into::into));
         let pipeline = self.device.create_render_pipeline(&RenderPipelineDescriptor {
-            label: Some(name),
+            label: Some(name.as_str()),
             layout: None,
             vertex: VertexState {
                 module: &module,
@@ -93,7 +91,7 @@ impl Gpu {
             cache: self.pipeline_cache(),
         });
         self.check()?;
-        Ok(RasterPipeline { name: name.to_owned(), pipeline, bindings })
+        Ok(RasterPipeline { name: name.to_string(), pipeline, bindings })
     }
 
     /// Draws in batches of about 100 ms and reads back the targets.

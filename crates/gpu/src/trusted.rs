@@ -14,18 +14,20 @@
 //! * *Divisions of integers*: by constants.
 #![expect(unsafe_code, reason = "the functions of wgpu that skip checks")]
 
+use canted_shaders::{ShaderName, wgsl};
 use wgpu::{Device, PipelineCache, PipelineCacheDescriptor, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 
 /// Kernels whose text is this crate's and whose indices are proved.
-const PROVED: [&str; 3] = ["trace/certain_closest", "trace/certain_occluded", "trace/certain_weights"];
+const PROVED: [ShaderName; 3] =
+    [wgsl::trace::CERTAIN_CLOSEST, wgsl::trace::CERTAIN_OCCLUDED, wgsl::trace::CERTAIN_WEIGHTS];
 
 /// Whether a kernel needs no checks.
-pub(crate) fn is_proved(kernel: &str) -> bool {
+pub(crate) fn is_proved(kernel: ShaderName) -> bool {
     PROVED.contains(&kernel)
 }
 
 /// A module of a kernel that [`is_proved`], without checks.
-pub(crate) fn module(device: &Device, kernel: &str, descriptor: ShaderModuleDescriptor<'_>) -> ShaderModule {
+pub(crate) fn module(device: &Device, kernel: ShaderName, descriptor: ShaderModuleDescriptor<'_>) -> ShaderModule {
     assert!(is_proved(kernel), "kernel '{kernel}' needs checks");
     // SAFETY: the text is that of a kernel of `PROVED`, for which the front page of this module shows that no index is out of bounds, that every
     // loop ends, and that nothing is divided by zero.

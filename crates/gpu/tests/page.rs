@@ -2,31 +2,23 @@
 
 use std::collections::BTreeSet;
 
-use canted_shaders::{Shader, Variant};
+use canted_shaders::choice::{Count, Level, Mask, NodeKinds, Traverse, Volume};
+use canted_shaders::{Number, Shader, Variant, wgsl};
 
 /// The page.
 const PAGE: &str = include_str!("../src/lib.rs");
 
 /// Kernels that read every buffer, structure and kind of node.
 fn shaders() -> Vec<Shader> {
-    let chosen = |level: &str| {
-        Variant::none()
-            .part("level", &format!("shared/level/{level}"))
-            .part("mask", "shared/mask/none")
-            .part("count", "shared/count/none")
-            .number("MAX_ITERATIONS", 1000)
-            .number("STACK_SIZE", 4)
+    let chosen = |level| {
+        let chosen = Variant::none().with(level).with(Mask::None).with(Count::None);
+        chosen.number(Number::MaxIterations, 1000).number(Number::StackSize, 4)
     };
-    let wide = |level: &str| {
-        let kinds = chosen(level).part("node_kinds", "shared/bvh/node_kinds/any");
-        kinds.part("traverse", "shared/traverse/wide")
-    };
-    let binary = |volume: &str| {
-        let volume = format!("shared/bvh/volume/{volume}");
-        chosen("single").part("traverse", "shared/traverse/binary").part("volume", &volume)
-    };
-    let all = [wide("single"), wide("flat"), wide("instances"), wide("moving"), binary("aabb"), binary("obb")];
-    all.iter().map(|chosen| Shader::new("trace/closest", chosen).unwrap()).collect()
+    let wide = |level| chosen(level).with(NodeKinds::Any).with(Traverse::Wide);
+    let binary = |volume: Volume| chosen(Level::Single).with(Traverse::Binary).with(volume);
+    let levels = [Level::Single, Level::Flat, Level::Instances, Level::Moving].map(wide);
+    let all = levels.into_iter().chain([Volume::Aabb, Volume::Obb].map(binary));
+    all.map(|chosen| Shader::new(wgsl::trace::CLOSEST, &chosen).unwrap()).collect()
 }
 
 /// Rows of the page that start with this.

@@ -5,7 +5,7 @@ mod uniform;
 
 use naga::{Barrier, Block, Function, Module, Span, Statement};
 
-use crate::{ShaderError, Variant, assemble, reflection};
+use crate::{ShaderError, ShaderName, Variant, assemble, reflection};
 
 /// Findings in a kernel, as sentences with line numbers:
 ///
@@ -15,12 +15,12 @@ use crate::{ShaderError, Variant, assemble, reflection};
 ///
 /// # Errors
 /// The kernel cannot be assembled.
-pub fn lint(name: &str, chosen: &Variant) -> Result<Vec<String>, ShaderError> {
-    of_text(name, &assemble(name, chosen)?, chosen.overrides())
+pub fn lint(name: ShaderName, chosen: &Variant) -> Result<Vec<String>, ShaderError> {
+    of_text(name.as_str(), &assemble(name, chosen)?, chosen.overrides())
 }
 
 /// Findings in a text, under the name of a kernel.
-fn of_text(name: &str, source: &str, overrides: &[(String, f64)]) -> Result<Vec<String>, ShaderError> {
+fn of_text(name: &str, source: &str, overrides: &[(&'static str, f64)]) -> Result<Vec<String>, ShaderError> {
     let (module, _) = reflection::specialized(name, source, overrides)?;
     let at = |span: Span| span.location(source).line_number;
     let mut findings = vec![];

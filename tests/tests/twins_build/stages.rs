@@ -9,9 +9,9 @@ use canted_fixtures::{
     soup,
 };
 use canted_gpu::{
-    Gpu, NamedBinding, Variant, block_on,
+    Gpu, NamedBinding, Number, Variant, block_on,
     build::{self, BuildConfig, BuildEncoder, Built, Codes, Grid, Node, Primitives, STRATEGIES, Sorter, Trees},
-    loop_iterations,
+    loop_iterations, wgsl,
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Leaf, Tree, VolumeConfig, sort_by_code};
 use canted_tests::scenes;
@@ -270,8 +270,8 @@ struct Digit {
 
 /// The exclusive prefix sums of each row, and the rows' totals; by work-groups of `group` invocations.
 fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
-    let tiled = Variant::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
-    let kernel = gpu.kernel("build/sort_scan", &tiled).unwrap();
+    let tiled = Variant::none().number(Number::Group, group).number(Number::KeysEach, 16).number(Number::Radix, ROWS);
+    let kernel = gpu.kernel(wgsl::build::SORT_SCAN, &tiled).unwrap();
     let n_tiles = u32::try_from(rows[0].len()).unwrap();
     let digit = gpu.uniform("digit", &Digit { n_keys: 0, n_tiles, shift: 0 }).unwrap();
     let counts = gpu.buffer("counts", &rows.concat()).unwrap();

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use bytemuck::{Pod, Zeroable};
 use canted_film::{Aov, Film, Filter, Part, Pixel};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Gpu, TracedScene, Variant, block_on};
+use canted_gpu::{Gpu, TracedScene, Variant, block_on, choice, wgsl};
 use canted_renderer::{
     DevicePicture, Integrator, Levels, Monitor, Pattern, SampleSums, Sampler, SceneBvh, Settings, Surfaces,
     traced_scene,
@@ -224,9 +224,9 @@ struct Answer {
     bits: u32,
 }
 
-fn of_device(gpu: &Gpu, pattern: &str, asks: &[Ask]) -> Vec<Answer> {
-    let part = Variant::none().part("pattern", &format!("shared/sampler/pattern/{pattern}"));
-    let kernel = gpu.kernel("check/sampler", &part).unwrap();
+fn of_device(gpu: &Gpu, pattern: choice::Pattern, asks: &[Ask]) -> Vec<Answer> {
+    let part = Variant::none().with(pattern);
+    let kernel = gpu.kernel(wgsl::check::SAMPLER, &part).unwrap();
     let asked = gpu.buffer("queries", asks).unwrap();
     let answers = gpu.zeroed::<Answer>("answers", asks.len()).unwrap();
     let mut commands = gpu.commands();
@@ -244,8 +244,11 @@ fn scattered(i: u32, salt: u32) -> u32 {
 fn random_numbers_have_the_same_bits() {
     let gpu = gpu();
     let counts = [1, 2, 3, 7, 16, 24, 97, 256, 1000, 4096, 65_535, 1 << 20];
-    for (name, pattern) in [("random", Pattern::Random), ("stratified", Pattern::Stratified), ("sobol", Pattern::Sobol)]
-    {
+    for (twin, pattern) in [
+        (choice::Pattern::Random, Pattern::Random),
+        (choice::Pattern::Stratified, Pattern::Stratified),
+        (choice::Pattern::Sobol, Pattern::Sobol),
+    ] {
         let mut asks = vec![];
         let mut answers = vec![];
         for n in counts {
@@ -263,12 +266,12 @@ fn random_numbers_have_the_same_bits() {
                 asks.push(Ask { pixel, sample, dimension, seed, columns, rows });
             }
         }
-        let found = of_device(&gpu, name, &asks);
+        let found = of_device(&gpu, twin, &asks);
         for (i, (found, expected)) in found.iter().zip(&answers).enumerate() {
-            assert_eq!(found, expected, "{name}, ask {i}");
+            assert_eq!(found, expected, "{twin:?}, ask {i}");
         }
         // The check detects a single bit.
         asks[17].seed ^= 1 << 31;
-        assert_ne!(of_device(&gpu, name, &asks[17..18])[0], answers[17]);
+        assert_ne!(of_device(&gpu, twin, &asks[17..18])[0], answers[17]);
     }
 }

@@ -6,6 +6,7 @@ use canted_fixtures::{
 };
 use canted_gpu::{
     DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Options, Outcome, Source, TracedScene, Variant, block_on,
+    choice, wgsl,
 };
 use canted_obb::Affine;
 use canted_tests::{
@@ -77,8 +78,8 @@ fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
 
 /// The device's answers to rays at a time.
 fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<Option<DeviceHit>>> {
-    let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-    let kernel = gpu.kernel("check/moving", &scene.specialize(chosen)).unwrap();
+    let chosen = Variant::none().with(choice::Mask::None).with(choice::Count::None);
+    let kernel = gpu.kernel(wgsl::check::MOVING, &scene.specialize(chosen)).unwrap();
     let scaled: Vec<ScaledRay> = rays.iter().map(|ray| ScaledRay::new(ray).unwrap()).collect();
     let rays_there = gpu.buffer("rays", &scaled.iter().map(DeviceRay::scaled).collect::<Vec<_>>()).unwrap();
     let times = gpu.buffer("times", &vec![time; rays.len()]).unwrap();

@@ -7,7 +7,9 @@ mod triangles;
 mod whole;
 
 use anyhow::{Result, ensure};
-use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Options, Source, TracedScene, Variant, block_on};
+use canted_gpu::{
+    AdapterKind, Choice, DeviceRay, Gpu, Options, ShaderName, Source, TracedScene, Variant, block_on, choice, wgsl,
+};
 use canted_tests::exact::Piercing;
 use canted_trace::{Ray, ScaledRay};
 use canted_wide::TriangleBvh;
@@ -226,7 +228,7 @@ impl Device {
     /// Each ray and the only triangle of its tree.
     pub(super) fn triangles(&self, trees: &[TriangleBvh], rays: &[Ray], rounds: usize) -> Result<Tested<Answer>> {
         ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a BVH of one triangle has a node");
-        let (hits, ns, with_transfer) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
+        let (hits, ns, with_transfer) = self.tested((wgsl::check::TRIANGLE, "hits"), trees, rays, rounds)?;
         let answer = |(ray, &[t, u, v, primitive, _]): (&Ray, &[u32; 5])| {
             let ray = ScaledRay::new(ray).filter(|_| primitive != NONE)?;
             Some([ray.caller_t(f32::from_bits(t)), f32::from_bits(u), f32::from_bits(v)])
@@ -242,7 +244,7 @@ impl Device {
     /// Each ray and the eight equal boxes of its tree's only node.
     pub(super) fn boxes(&self, trees: &[TriangleBvh], rays: &[Ray], rounds: usize) -> Result<Tested<Option<f32>>> {
         ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a BVH of eight boxes is not one node");
-        let (entries, ns, _) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
+        let (entries, ns, _) = self.tested((wgsl::check::NODE, "entries"), trees, rays, rounds)?;
         let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
             let ray = ScaledRay::new(ray).filter(|_| entry != NONE)?;
             Some(ray.caller_t(f32::from_bits(entry & !BOX_BITS)))
@@ -256,14 +258,14 @@ impl Device {
     /// one.
     fn tested<const N: usize>(
         &self,
-        (name, into): (&str, &str),
+        (name, into): (ShaderName, &str),
         trees: &[TriangleBvh],
         rays: &[Ray],
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples, Samples)> {
         let gpu = &self.gpu;
         let scene = block_on(TracedScene::new(gpu, Source::tlas(trees, &[]), Options::default()))?;
-        let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+        let chosen = Variant::none().with(choice::Mask::None).with(choice::Count::None);
         let kernel = gpu.kernel(name, &scene.specialize(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
         ensure!(own.len() == trees.len() && !own.is_empty(), "{} rays of {} BVHs", own.len(), trees.len());

@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::Affine;
+use canted_shaders::wgsl;
 
 use super::primitives::{Leaf, end_of, window};
 use super::{BuildEncoder, Primitives};
@@ -111,7 +112,7 @@ impl Primitives {
         build.stage("place", |dispatches| {
             dispatches.work.clear(faults);
             RAISED.iter().for_each(|&word| dispatches.work.clear_word(headers, word));
-            let kernel = gpu.kernel("build/place", &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::PLACE, &Variant::none())?;
             dispatches.items(&kernel, &bound, placed.n_instances)
         })
     }

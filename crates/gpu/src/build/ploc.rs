@@ -7,6 +7,7 @@
 //! ```
 
 use bytemuck::{Pod, Zeroable};
+use canted_shaders::{Number, ShaderName, wgsl};
 
 use super::encoder::Dispatches;
 use super::primitives::count;
@@ -111,7 +112,7 @@ impl Clusters {
             ("remaining", &all.remaining),
         ]);
         build.stage("tree", |dispatches| {
-            dispatches.items(&*gpu.kernel("build/ploc_start", &primitives.part())?, &bound, all.n)
+            dispatches.items(&*gpu.kernel(wgsl::build::PLOC_START, &primitives.part())?, &bound, all.n)
         })?;
         Ok(all)
     }
@@ -167,12 +168,12 @@ impl Clusters {
             ("links", &self.links),
             ("iteration", &uniform),
         ]);
-        let kernel = |name: &str| gpu.kernel(name, &Variant::none());
-        dispatches.items(&*kernel("build/ploc_partners")?, &bound, n)?;
-        dispatches.items(&*kernel("build/ploc_keep")?, &bound, n)?;
+        let kernel = |name: ShaderName| gpu.kernel(name, &Variant::none());
+        dispatches.items(&*kernel(wgsl::build::PLOC_PARTNERS)?, &bound, n)?;
+        dispatches.items(&*kernel(wgsl::build::PLOC_KEEP)?, &bound, n)?;
         prefix_sums(dispatches, &self.kept, &self.prefixes, [0, n])?;
-        dispatches.items(&*kernel("build/ploc_merge")?, &bound, n)?;
-        dispatches.items(&*kernel("build/ploc_states")?, &bound, count(primitives.ranges().len()))
+        dispatches.items(&*kernel(wgsl::build::PLOC_MERGE)?, &bound, n)?;
+        dispatches.items(&*kernel(wgsl::build::PLOC_STATES)?, &bound, count(primitives.ranges().len()))
     }
 
     /// All further iterations, after `number` iterations.
@@ -187,7 +188,7 @@ impl Clusters {
             ("iteration", &uniform),
         ]);
         build.stage("tree", |dispatches| {
-            let kernel = gpu.kernel("build/ploc_finish", &Variant::none().number("GROUP", GROUP))?;
+            let kernel = gpu.kernel(wgsl::build::PLOC_FINISH, &Variant::none().number(Number::Group, GROUP))?;
             let n_trees = if self.n == 0 { 0 } else { count(primitives.ranges().len()) };
             dispatches.tiles(&kernel, &bound, [0, n_trees])
         })
@@ -215,8 +216,8 @@ impl Clusters {
             ("leaves_out", &leaves_out),
         ]);
         build.stage("tree", |dispatches| {
-            dispatches.items(&*gpu.kernel("build/ploc_ranges", &Variant::none())?, &bound, self.n)?;
-            dispatches.items(&*gpu.kernel("build/ploc_nodes", &Variant::none())?, &bound, self.n)
+            dispatches.items(&*gpu.kernel(wgsl::build::PLOC_RANGES, &Variant::none())?, &bound, self.n)?;
+            dispatches.items(&*gpu.kernel(wgsl::build::PLOC_NODES, &Variant::none())?, &bound, self.n)
         })?;
         depths(build, primitives, &trees)?;
         let depth = gpu.read(&trees.depth).await?[0];

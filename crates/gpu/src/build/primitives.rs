@@ -1,5 +1,6 @@
 //! What trees are built over: triangles of meshes, also in buffers of a program's own, and boxes of instances.
 
+use canted_shaders::{choice, wgsl};
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
@@ -126,10 +127,10 @@ impl Primitives {
     /// The shader part that reads these primitives.
     pub(crate) fn part(&self) -> Variant {
         let file = match self.leaf {
-            Leaf::Triangle { .. } => "shared/volumes/item/triangles",
-            Leaf::Box { .. } => "shared/volumes/item/boxes",
+            Leaf::Triangle { .. } => choice::Item::Triangles,
+            Leaf::Box { .. } => choice::Item::Boxes,
         };
-        Variant::none().part("item", file)
+        Variant::none().with(file)
     }
 
     /// `more`, and the bindings of that part and of `shared/build/tree/forest`.
@@ -240,7 +241,7 @@ impl Primitives {
         let layout = MeshLayout { first_triangle, first_fault: 2 * number, ..layout };
         build.stage("corners", |dispatches| {
             dispatches.work.clear_range(faults, 2 * number, 2);
-            let kernel = gpu.kernel("build/corners", &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::CORNERS, &Variant::none())?;
             let uniform = gpu.uniform("mesh layout", &layout)?;
             let bound: [NamedBinding<'_>; 5] = [
                 ("mesh_layout", &uniform),

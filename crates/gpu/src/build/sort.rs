@@ -1,5 +1,6 @@
 //! Radix sort, and the prefix sums that it and other stages need.
 
+use canted_shaders::{Number, wgsl};
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
@@ -30,7 +31,7 @@ pub(super) struct Digit {
 
 /// Constants of kernels that process tiles of keys.
 pub(super) fn tiled() -> Variant {
-    Variant::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX)
+    Variant::none().number(Number::Group, GROUP).number(Number::KeysEach, KEYS_EACH).number(Number::Radix, RADIX)
 }
 
 /// Kernels of a stable radix sort.
@@ -60,11 +61,11 @@ impl Sorter {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let tiled = tiled();
         Ok(Self {
-            number: gpu.kernel("build/item_indices", &Variant::none())?,
-            count: gpu.kernel("build/sort_count", &tiled)?,
-            scan: gpu.kernel("build/sort_scan", &tiled)?,
-            scatter: gpu.kernel("build/sort_scatter", &tiled)?,
-            gather: gpu.kernel("build/gather", &Variant::none())?,
+            number: gpu.kernel(wgsl::build::ITEM_INDICES, &Variant::none())?,
+            count: gpu.kernel(wgsl::build::SORT_COUNT, &tiled)?,
+            scan: gpu.kernel(wgsl::build::SORT_SCAN, &tiled)?,
+            scatter: gpu.kernel(wgsl::build::SORT_SCATTER, &tiled)?,
+            gather: gpu.kernel(wgsl::build::GATHER, &Variant::none())?,
         })
     }
 
@@ -179,10 +180,10 @@ pub(super) fn prefix_sums(
     let digit = gpu.uniform("digit", &Digit { n_keys: end, n_tiles, shift: 0 })?;
     let bound: [NamedBinding<'_>; 5] =
         [("digit", &digit), ("values", values), ("counts", &counts), ("totals", &totals), ("prefixes", prefixes)];
-    dispatches.tiles(&*gpu.kernel("build/tile_sums", &tiled())?, &bound, tiles)?;
+    dispatches.tiles(&*gpu.kernel(wgsl::build::TILE_SUMS, &tiled())?, &bound, tiles)?;
     if n_tiles > 0 {
         // One row of sums.
-        dispatches.work.dispatch(&*gpu.kernel("build/sort_scan", &tiled())?, &bound, [1, 1, 1])?;
+        dispatches.work.dispatch(&*gpu.kernel(wgsl::build::SORT_SCAN, &tiled())?, &bound, [1, 1, 1])?;
     }
-    dispatches.tiles(&*gpu.kernel("build/tile_prefixes", &tiled())?, &bound, tiles)
+    dispatches.tiles(&*gpu.kernel(wgsl::build::TILE_PREFIXES, &tiled())?, &bound, tiles)
 }

@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Bits;
+use canted_shaders::{choice, wgsl};
 
 use super::primitives::count;
 use super::sort::Sorter;
@@ -107,13 +108,10 @@ pub(crate) fn depth_bound(n: u32, bits: Bits) -> u32 {
 
 /// `chosen` with the part for codes of this length.
 fn coded(chosen: Variant, bits: Bits) -> Variant {
-    chosen.part(
-        "code",
-        match bits {
-            Bits::B30 => "shared/build/code/narrow",
-            Bits::B63 => "shared/build/code/wide",
-        },
-    )
+    chosen.with(match bits {
+        Bits::B30 => choice::Code::Narrow,
+        Bits::B63 => choice::Code::Wide,
+    })
 }
 
 /// Computes the grid of each tree.
@@ -129,9 +127,9 @@ pub fn domain(build: &mut BuildEncoder<'_>, primitives: &Primitives, bits: Bits)
     let domains = gpu.zeroed("domains", n_trees)?;
     let bound = primitives.bound(&[("bounds", &bounds), ("domains", &domains)]);
     build.stage("domain", |dispatches| {
-        let kernel = gpu.kernel("build/bounds", &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::BOUNDS, &primitives.part())?;
         dispatches.tiles(&kernel, &bound, [0, primitives.len().div_ceil(TILE)])?;
-        let kernel = gpu.kernel("build/domain", &coded(primitives.part(), bits))?;
+        let kernel = gpu.kernel(wgsl::build::DOMAIN, &coded(primitives.part(), bits))?;
         dispatches.items(&kernel, &bound, count(n_trees))
     })?;
     Ok(domains)
@@ -152,7 +150,7 @@ pub fn codes(
     let mut bound = primitives.bound(&codes.bound("codes_low", "codes_high"));
     bound.push(("domains", domains));
     build.stage("codes", |dispatches| {
-        let kernel = gpu.kernel("build/codes", &coded(primitives.part(), bits))?;
+        let kernel = gpu.kernel(wgsl::build::CODES, &coded(primitives.part(), bits))?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(codes)
@@ -185,7 +183,7 @@ fn trees_of(build: &mut BuildEncoder<'_>, primitives: &Primitives) -> Result<Buf
     let trees = gpu.zeroed("trees of primitives", primitives.len() as usize)?;
     let bound = primitives.bound(&[("tree_indices", &trees)]);
     build.stage("sort", |dispatches| {
-        let kernel = gpu.kernel("build/tree_indices", &Variant::none())?;
+        let kernel = gpu.kernel(wgsl::build::TREE_INDICES, &Variant::none())?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(trees)
@@ -204,7 +202,7 @@ pub fn tree(build: &mut BuildEncoder<'_>, primitives: &Primitives, sorted: &Code
     let made: [NamedBinding<'_>; 2] = [("nodes", &trees.nodes), ("parents", &trees.parents)];
     bound.extend(made);
     build.stage("tree", |dispatches| {
-        let kernel = gpu.kernel("build/tree", &coded(Variant::none(), sorted.bits()))?;
+        let kernel = gpu.kernel(wgsl::build::TREE, &coded(Variant::none(), sorted.bits()))?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     depths(build, primitives, &trees)?;
@@ -217,7 +215,7 @@ pub(super) fn depths(build: &mut BuildEncoder<'_>, primitives: &Primitives, tree
     let bound: [NamedBinding<'_>; 3] =
         [("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
     build.stage("tree", |dispatches| {
-        let kernel = gpu.kernel("build/heights", &Variant::none())?;
+        let kernel = gpu.kernel(wgsl::build::HEIGHTS, &Variant::none())?;
         dispatches.items(&kernel, &bound, primitives.len())
     })
 }

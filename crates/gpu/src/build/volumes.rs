@@ -9,6 +9,7 @@
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Frame, Obb, dop::frames};
+use canted_shaders::{choice, wgsl};
 
 use super::encoder::Dispatches;
 use super::primitives::count;
@@ -32,7 +33,7 @@ pub fn aabbs(
     let aabbs = gpu.zeroed("axis-aligned boxes", primitives.len() as usize)?;
     let bound = primitives.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", &aabbs)]);
     build.stage("aabb", |dispatches| {
-        let kernel = gpu.kernel("build/aabbs", &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::AABBS, &primitives.part())?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(aabbs)
@@ -51,9 +52,9 @@ pub async fn obbs(
     strategy: Strategy,
 ) -> Result<Buffer<Obb>, GpuError> {
     let rule = match strategy {
-        Strategy::PcaBounded => "shared/volumes/rule/pca_bounded",
-        Strategy::Quaternion => "shared/volumes/rule/quaternion",
-        Strategy::Combined => "shared/volumes/rule/combined",
+        Strategy::PcaBounded => choice::Rule::PcaBounded,
+        Strategy::Quaternion => choice::Rule::Quaternion,
+        Strategy::Combined => choice::Rule::Combined,
         Strategy::Dop => return dop(build, primitives, leaves, trees, aabbs),
         Strategy::PcaUnbounded => return unbounded(build, primitives, leaves, trees, aabbs).await,
         Strategy::Aabb => {
@@ -72,7 +73,7 @@ pub async fn obbs(
         ("obbs", &obbs),
     ]);
     build.stage("obb", |dispatches| {
-        let kernel = gpu.kernel("build/merge", &primitives.part().part("rule", rule))?;
+        let kernel = gpu.kernel(wgsl::build::MERGE, &primitives.part().with(rule))?;
         schedule.dispatch(dispatches, &kernel, &bound)
     })?;
     Ok(obbs)
@@ -105,7 +106,7 @@ pub(super) async fn unbounded(
             ("node_moments", &moments),
         ];
         let bound = primitives.bound(&more);
-        let kernel = gpu.kernel("build/moments", &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::MOMENTS, &primitives.part())?;
         schedule.dispatch(dispatches, &kernel, &bound)?;
         let more: [NamedBinding<'_>; 5] = [
             ("parents", &trees.parents),
@@ -114,11 +115,11 @@ pub(super) async fn unbounded(
             ("ends", &ends),
             ("frames", &obbs),
         ];
-        let kernel = gpu.kernel("build/point_extents", &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::POINT_EXTENTS, &primitives.part())?;
         dispatches.items(&kernel, &primitives.bound(&more), n)?;
         let more: [NamedBinding<'_>; 5] =
             [("nodes", &trees.nodes), ("leaves", leaves), ("ends", &ends), ("aabbs", aabbs), ("obbs", &obbs)];
-        let kernel = gpu.kernel("build/point_boxes", &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::POINT_BOXES, &primitives.part())?;
         dispatches.items(&kernel, &primitives.bound(&more), n)
     })?;
     Ok(obbs)
@@ -166,10 +167,10 @@ pub(super) fn dop(
     let obbs = gpu.zeroed("oriented boxes", n as usize)?;
     let ends = gpu.zeroed::<[f32; 6]>("extents along a frame", n as usize)?;
     build.stage("obb", |dispatches| {
-        let axis_aligned = gpu.kernel("build/axis_aligned", &Variant::none())?;
+        let axis_aligned = gpu.kernel(wgsl::build::AXIS_ALIGNED, &Variant::none())?;
         dispatches.items(&axis_aligned, &[("aabbs", aabbs), ("obbs", &obbs)], n)?;
-        let extents = gpu.kernel("build/dop_extents", &primitives.part())?;
-        let boxes = gpu.kernel("build/dop_boxes", &primitives.part())?;
+        let extents = gpu.kernel(wgsl::build::DOP_EXTENTS, &primitives.part())?;
+        let boxes = gpu.kernel(wgsl::build::DOP_BOXES, &primitives.part())?;
         // The first frame is the identity.
         for frame in &frames()[1..] {
             let fixed = gpu.uniform("frame", &FixedFrame::new(frame))?;
@@ -229,7 +230,7 @@ impl Schedule {
         let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;
         let bound: [NamedBinding<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
         build.stage("levels", |dispatches| {
-            let kernel = gpu.kernel("build/levels", &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::LEVELS, &Variant::none())?;
             dispatches.items(&kernel, &bound, count(order.len()))
         })?;
         let levels = if build.is_recorded() {
@@ -277,7 +278,7 @@ impl Levels {
         let groups = gpu.indirect::<[u32; 3]>("work-groups of levels", HEIGHTS)?;
         let bound: [NamedBinding<'_>; 3] = [("ends", ends), ("slices", &slices), ("groups", &groups)];
         build.stage("levels", |dispatches| {
-            let kernel = gpu.kernel("build/level_slices", &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::LEVEL_SLICES, &Variant::none())?;
             dispatches.items(&kernel, &bound, count(HEIGHTS))
         })?;
         Ok(Self::There { slices, groups, n_heights: trees.max_height.min(count(HEIGHTS) - 1) })

@@ -11,6 +11,7 @@
 //! collapse does not move other trees.
 
 use bytemuck::{Pod, Zeroable};
+use canted_shaders::{Number, wgsl};
 
 use super::BuildEncoder;
 use super::built::Built;
@@ -161,7 +162,7 @@ fn put_triangles(
     let gpu = build.gpu();
     let bound = built.primitives.bound(&[("leaves", &built.leaves), ("wide_triangles", triangles)]);
     build.stage("wide triangles", |dispatches| {
-        let kernel = gpu.kernel("build/wide_triangles", &Variant::none())?;
+        let kernel = gpu.kernel(wgsl::build::WIDE_TRIANGLES, &Variant::none())?;
         dispatches.range(&kernel, &bound, built.primitives.of_trees(trees))
     })
 }
@@ -286,15 +287,15 @@ impl CollapsedLevel {
             ("wide_children", &self.children),
         ]);
         build.stage("collapse", |dispatches| {
-            let chosen = Variant::none().number("MAX_LEAF", self.capacity.max_leaf);
+            let chosen = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
             if let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) {
                 let bound = [&bound[..], &[("obbs", obbs)]].concat();
-                dispatches.range(&*gpu.kernel("build/wide_kinds", &chosen)?, &bound, range)?;
+                dispatches.range(&*gpu.kernel(wgsl::build::WIDE_KINDS, &chosen)?, &bound, range)?;
             }
             prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
-            dispatches.range(&*gpu.kernel("build/wide_slots", &chosen)?, &bound, range)?;
-            let chosen = built.primitives.part().number("MAX_LEAF", self.capacity.max_leaf);
-            dispatches.range(&*gpu.kernel("build/wide_children", &chosen)?, &bound, self.capacity.units(trees))
+            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_SLOTS, &chosen)?, &bound, range)?;
+            let chosen = built.primitives.part().number(Number::MaxLeaf, self.capacity.max_leaf);
+            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_CHILDREN, &chosen)?, &bound, self.capacity.units(trees))
         })
     }
 
@@ -323,12 +324,12 @@ impl CollapsedLevel {
         ]);
         let units = self.capacity.units(trees);
         build.stage("wide nodes", |dispatches| {
-            let max_leaf = Variant::none().number("MAX_LEAF", self.capacity.max_leaf);
-            let chosen = built.primitives.part().number("MAX_LEAF", self.capacity.max_leaf);
-            dispatches.range(&*gpu.kernel("build/wide_nodes", &chosen)?, &bound, units)?;
+            let max_leaf = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
+            let chosen = built.primitives.part().number(Number::MaxLeaf, self.capacity.max_leaf);
+            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_NODES, &chosen)?, &bound, units)?;
             let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) else { return Ok(()) };
             bound.push(("obbs", obbs));
-            dispatches.range(&*gpu.kernel("build/wide_oriented", &max_leaf)?, &bound, units)
+            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_ORIENTED, &max_leaf)?, &bound, units)
         })
     }
 }
@@ -371,8 +372,8 @@ impl<'a> Search<'a> {
     /// Searches so many levels.
     fn levels(&mut self, build: &mut BuildEncoder<'_>, n_levels: u32) -> Result<(), GpuError> {
         let gpu = build.gpu();
-        let chosen = Variant::none().number("MAX_LEAF", self.target.capacity.max_leaf);
-        let kernel = gpu.kernel("build/wide_levels", &chosen)?;
+        let chosen = Variant::none().number(Number::MaxLeaf, self.target.capacity.max_leaf);
+        let kernel = gpu.kernel(wgsl::build::WIDE_LEVELS, &chosen)?;
         build.stage("collapse", |dispatches| {
             for _ in 0..n_levels {
                 let level = self.level;

@@ -8,6 +8,7 @@
 //! Later builds read nothing back: the depth of the tree is bounded by the bits of its codes and positions.
 
 use bytemuck::{Pod, Zeroable};
+use canted_shaders::wgsl;
 
 use super::layout::{BvhHeader, CENTER_REACH, HIT_ERROR};
 use super::nodes::{DeviceBvh, NewNodes};
@@ -247,7 +248,7 @@ pub(super) fn put_headers(
     let more: [NamedBinding<'_>; 3] = [("aabbs", &built.aabbs), ("headers", headers), ("header_scale", &scale)];
     let bound = built.primitives.bound(&more);
     build.stage("headers", |dispatches| {
-        let kernel = gpu.kernel("build/headers", &built.primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::HEADERS, &built.primitives.part())?;
         dispatches.range(&kernel, &bound, trees)
     })
 }

@@ -274,6 +274,7 @@ pub(super) struct MotionData {
 
 #[cfg(test)]
 mod tests {
+    use canted_shaders::{Number, choice, wgsl};
     use canted_shaders::{Shader, Variant};
     use canted_wide::TriangleBvh;
     use std::mem::offset_of;
@@ -396,14 +397,14 @@ mod tests {
     #[test]
     fn motion_layout_matches_the_kernel() {
         let chosen = Variant::none()
-            .part("level", "shared/level/moving")
-            .part("node_kinds", "shared/bvh/node_kinds/any")
-            .part("traverse", "shared/traverse/wide")
-            .part("mask", "shared/mask/none")
-            .part("count", "shared/count/none")
-            .number("STACK_SIZE", 4)
-            .number("MAX_ITERATIONS", 1000);
-        let shader = Shader::new("trace/closest", &chosen).unwrap();
+            .with(choice::Level::Moving)
+            .with(choice::NodeKinds::Any)
+            .with(choice::Traverse::Wide)
+            .with(choice::Mask::None)
+            .with(choice::Count::None)
+            .number(Number::StackSize, 4)
+            .number(Number::MaxIterations, 1000);
+        let shader = Shader::new(wgsl::trace::CLOSEST, &chosen).unwrap();
         let layout = shader.layout("Motion").unwrap();
         let columns = offset_of!(MotionData, columns);
         let offsets = [

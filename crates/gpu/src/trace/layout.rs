@@ -221,6 +221,7 @@ impl DeviceHit {
 
 #[cfg(test)]
 mod tests {
+    use canted_shaders::{Number, choice, wgsl};
     use std::mem::offset_of;
 
     use canted_shaders::{Shader, Variant};
@@ -229,17 +230,17 @@ mod tests {
 
     fn chosen() -> Variant {
         Variant::none()
-            .part("level", "shared/level/instances")
-            .part("node_kinds", "shared/bvh/node_kinds/any")
-            .part("traverse", "shared/traverse/wide")
-            .part("mask", "shared/mask/none")
-            .part("count", "shared/count/none")
-            .number("STACK_SIZE", 4)
-            .number("MAX_ITERATIONS", 1000)
+            .with(choice::Level::Instances)
+            .with(choice::NodeKinds::Any)
+            .with(choice::Traverse::Wide)
+            .with(choice::Mask::None)
+            .with(choice::Count::None)
+            .number(Number::StackSize, 4)
+            .number(Number::MaxIterations, 1000)
     }
 
     fn offsets(of: &str) -> (Vec<u32>, u32) {
-        let shader = Shader::new("trace/closest", &chosen()).unwrap();
+        let shader = Shader::new(wgsl::trace::CLOSEST, &chosen()).unwrap();
         let layout = shader.layout(of).unwrap();
         (layout.members.iter().map(|(_, offset)| *offset).collect(), layout.size)
     }
@@ -254,7 +255,17 @@ mod tests {
         let exact = offset_of!(InstanceData, exact_rows) as u32;
         let members = vec![rows, rows + 16, rows + 32, bvh, exact];
         assert_eq!(offsets("Instance"), (members, size_of::<InstanceData>() as u32));
-        canted_shaders::same_layout!("trace/closest", &chosen(), "Ray", DeviceRay { origin, t_min, direction, t_max });
-        canted_shaders::same_layout!("trace/closest", &chosen(), "Hit", DeviceHit { t, u, v, primitive, instance });
+        canted_shaders::same_layout!(
+            wgsl::trace::CLOSEST,
+            &chosen(),
+            "Ray",
+            DeviceRay { origin, t_min, direction, t_max }
+        );
+        canted_shaders::same_layout!(
+            wgsl::trace::CLOSEST,
+            &chosen(),
+            "Hit",
+            DeviceHit { t, u, v, primitive, instance }
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! Traversal in a kernel of a program's own: its text, layout and bind group.
 
-use canted_shaders::{MODULE_BUFFERS, ModuleOptions, Variant, traversal_module};
+use canted_shaders::{MODULE_BUFFERS, ModuleOptions, Variant, choice, traversal_module};
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BindingType,
     BufferBindingType, ShaderStages,
@@ -144,7 +144,7 @@ impl TracedScene {
     }
 
     fn traversal(&self) -> Variant {
-        self.specialize(Variant::none().part("count", "shared/count/none"))
+        self.specialize(Variant::none().with(choice::Count::None))
     }
 }
 

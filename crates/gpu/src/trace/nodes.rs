@@ -6,6 +6,7 @@
 //!                        -> build::WideBvhs   -> WideNodes
 //! ```
 
+use canted_shaders::{choice, wgsl};
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
@@ -324,8 +325,8 @@ impl Pairs {
         let first_node = if which == Which::Top { self.first_top_node } else { 0 };
         let level = gpu.uniform("level", &TargetLevel { first_node })?;
         let (part, volumes): (_, NamedBinding<'_>) = match &built.obbs {
-            None => ("shared/build/pair/aabb", ("aabbs", &built.aabbs)),
-            Some(obbs) => ("shared/build/pair/obb", ("obbs", obbs)),
+            None => (choice::Pair::Aabb, ("aabbs", &built.aabbs)),
+            Some(obbs) => (choice::Pair::Obb, ("obbs", obbs)),
         };
         let bound = built.primitives.bound(&[
             volumes,
@@ -335,7 +336,7 @@ impl Pairs {
             ("target_level", &level),
         ]);
         build.stage("pairs", |dispatches| {
-            let kernel = gpu.kernel("build/pairs", &built.primitives.part().part("pair", part))?;
+            let kernel = gpu.kernel(wgsl::build::PAIRS, &built.primitives.part().with(part))?;
             dispatches.range(&kernel, &bound, primitives)
         })
     }
@@ -349,8 +350,8 @@ impl Pairs {
     }
 
     fn specialize(&self, chosen: Variant) -> Variant {
-        let volume = if self.is_oriented { "shared/bvh/volume/obb" } else { "shared/bvh/volume/aabb" };
-        chosen.part("traverse", "shared/traverse/binary").part("volume", volume)
+        let volume = if self.is_oriented { choice::Volume::Obb } else { choice::Volume::Aabb };
+        chosen.with(choice::Traverse::Binary).with(volume)
     }
 
     fn n_bytes(&self) -> u64 {
@@ -425,9 +426,9 @@ impl WideNodes {
     }
 
     fn specialize(&self, chosen: Variant) -> Variant {
-        let kinds = if self.is_aligned { "shared/bvh/node_kinds/aligned" } else { "shared/bvh/node_kinds/any" };
-        let traverse = if self.has_segments { "shared/traverse/curves" } else { "shared/traverse/wide" };
-        chosen.part("node_kinds", kinds).part("traverse", traverse)
+        let kinds = if self.is_aligned { choice::NodeKinds::Aligned } else { choice::NodeKinds::Any };
+        let traverse = if self.has_segments { choice::Traverse::Curves } else { choice::Traverse::Wide };
+        chosen.with(kinds).with(traverse)
     }
 
     fn n_bytes(&self) -> u64 {

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use bytemuck::Pod;
-use canted_shaders::Variant;
+use canted_shaders::{Override, ShaderName, Variant, choice, wgsl};
 use canted_trace::{Ray, ScaledRay};
 
 use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
@@ -70,7 +70,7 @@ impl TracedScene {
     }
 
     fn kernels(&self, gpu: &Gpu, names: &Names) -> Result<Kernels, GpuError> {
-        let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+        let chosen = Variant::none().with(choice::Mask::None).with(choice::Count::None);
         let all = self.specialize(chosen.clone());
         Ok(match self.certain_kernels(gpu, names, &chosen)? {
             // No kernel repeats the arithmetic of the CPU for segments.
@@ -92,7 +92,7 @@ impl TracedScene {
         if gpu.limits().max_storage_buffers_per_shader_stage < self.n_query_buffers() {
             return Ok(None);
         }
-        let of = |name: &&str| {
+        let of = |&name: &ShaderName| {
             let variant = self.specialize_certain(name, chosen.clone())?;
             variant.map(|variant| gpu.kernel(name, &variant)).transpose()
         };
@@ -241,7 +241,7 @@ impl TracedScene {
         rays: &[DeviceRay],
         bound_scale: f64,
     ) -> Result<Vec<Outcome<DeviceHit>>, GpuError> {
-        let chosen = Variant::none().part("count", "shared/count/none").value("BOUND_SCALE", bound_scale);
+        let chosen = Variant::none().with(choice::Count::None).value(Override::BoundScale, bound_scale);
         let kernels = self.certain_kernels(gpu, &CLOSEST, &chosen)?;
         let certain = kernels.ok_or_else(|| GpuError::Input { message: "exact kernels trace all rays".to_owned() })?;
         let rays_there = gpu.buffer("rays", rays)?;
@@ -263,21 +263,24 @@ impl TracedScene {
 /// Names of the kernels of a query.
 struct Names {
     /// The one that traces all rays exactly.
-    exact: &'static str,
+    exact: ShaderName,
     /// Those that decide what is certain, in order.
-    certain: &'static [&'static str],
+    certain: &'static [ShaderName],
     /// The one that traces the listed others exactly.
-    listed: &'static str,
+    listed: ShaderName,
 }
 
 const CLOSEST: Names = Names {
-    exact: "trace/closest",
-    certain: &["trace/certain_closest", "trace/certain_weights"],
-    listed: "trace/listed_closest",
+    exact: wgsl::trace::CLOSEST,
+    certain: &[wgsl::trace::CERTAIN_CLOSEST, wgsl::trace::CERTAIN_WEIGHTS],
+    listed: wgsl::trace::LISTED_CLOSEST,
 };
 
-const OCCLUDED: Names =
-    Names { exact: "trace/occluded", certain: &["trace/certain_occluded"], listed: "trace/listed_occluded" };
+const OCCLUDED: Names = Names {
+    exact: wgsl::trace::OCCLUDED,
+    certain: &[wgsl::trace::CERTAIN_OCCLUDED],
+    listed: wgsl::trace::LISTED_OCCLUDED,
+};
 
 /// The kernels of a query.
 enum Kernels {

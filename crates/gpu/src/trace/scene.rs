@@ -1,5 +1,6 @@
 //! A scene that rays can be traced through: the BVHs in device memory, and what is above them.
 
+use canted_shaders::{Number, ShaderName, choice};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use canted_lbvh::Corners;
@@ -268,20 +269,20 @@ impl TracedScene {
     /// segments](Self::has_segments) `exits`.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
-        let chosen = chosen.part("level", self.tables.part()).number("MAX_ITERATIONS", self.max_iterations);
-        self.nodes.specialize(chosen).number("STACK_SIZE", stack_size(self.depth))
+        let chosen = chosen.with(self.tables.level()).number(Number::MaxIterations, self.max_iterations);
+        self.nodes.specialize(chosen).number(Number::StackSize, stack_size(self.depth))
     }
 
     /// `chosen` for a kernel of `shared/certain`; `None` for binary BVHs, which need exact kernels for all rays.
-    pub(super) fn specialize_certain(&self, kernel: &str, chosen: Variant) -> Result<Option<Variant>, GpuError> {
+    pub(super) fn specialize_certain(&self, kernel: ShaderName, chosen: Variant) -> Result<Option<Variant>, GpuError> {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
         let (decide, weights) = match self.has_segments() {
-            false => ("shared/certain/decide/triangles", "shared/triangle/weights/triangles"),
-            true => ("shared/certain/decide/curves", "shared/segment/weights/curves"),
+            false => (choice::Decide::Triangles, choice::Weights::Triangles),
+            true => (choice::Decide::Curves, choice::Weights::Curves),
         };
-        Ok(Some(self.specialize(chosen).part("decide", decide).part("weights", weights).of_kernel(kernel)?))
+        Ok(Some(self.specialize(chosen).with(decide).with(weights).of_kernel(kernel)?))
     }
 
     /// Storage buffers of the kernels of a query: those of the scene, rays, answers, and the list of undecided rays.

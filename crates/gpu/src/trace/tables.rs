@@ -4,6 +4,7 @@
 //! that a device allows.
 
 use bytemuck::Pod;
+use canted_shaders::choice;
 
 use super::instances::{MotionData, Packing};
 use super::layout::{BvhHeader, InstanceData};
@@ -168,12 +169,12 @@ impl Tables {
     }
 
     /// The shader part of the level.
-    pub(super) fn part(&self) -> &'static str {
+    pub(super) fn level(&self) -> choice::Level {
         match &self.above {
-            Above::One => "shared/level/single",
-            Above::Flat(_) => "shared/level/flat",
-            Above::Two { motions: None, .. } => "shared/level/instances",
-            Above::Two { .. } => "shared/level/moving",
+            Above::One => choice::Level::Single,
+            Above::Flat(_) => choice::Level::Flat,
+            Above::Two { motions: None, .. } => choice::Level::Instances,
+            Above::Two { .. } => choice::Level::Moving,
         }
     }
 

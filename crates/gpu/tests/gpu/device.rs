@@ -1,7 +1,7 @@
 //! Devices, buffers and dispatches.
 
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{GpuError, Traffic, Variant, block_on, loop_iterations};
+use canted_gpu::{GpuError, Traffic, Variant, block_on, loop_iterations, wgsl};
 
 use crate::{gpu, lowered};
 
@@ -28,7 +28,7 @@ fn buffers_read_back_unchanged() {
 fn a_kernel_runs_and_is_timed() {
     let gpu = gpu();
     assert_eq!(block_on(loop_iterations(&gpu, 1000)).unwrap(), 1000);
-    let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
+    let kernel = gpu.kernel(wgsl::check::LOOPS, &Variant::none()).unwrap();
     let wanted = gpu.uniform("wanted", &[7_u32, 0, 0, 0]).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 5000).unwrap();
     let mut commands = gpu.timed_commands();
@@ -40,7 +40,7 @@ fn a_kernel_runs_and_is_timed() {
 
 fn a_missing_binding_is_reported() {
     let gpu = gpu();
-    let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
+    let kernel = gpu.kernel(wgsl::check::LOOPS, &Variant::none()).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 1).unwrap();
     let error = gpu.commands().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
     assert!(error.contains("kernel 'check/loops' has no binding for 'wanted'"), "{error}");

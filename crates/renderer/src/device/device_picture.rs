@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant, choice, wgsl};
 use canted_scene::{Camera, Lobes, Scene};
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
@@ -139,31 +139,31 @@ impl<'a> DevicePicture<'a> {
             Filter::Box(_) => None,
             _ => Some(gpu.read_only("filter", &filter.table())?),
         };
-        let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
-        let shared = |count: &str| {
-            let chosen = Variant::none().part("count", count).part("time", time);
+        let time = if scene.has_motion() { choice::Time::Shutter } else { choice::Time::Still };
+        let shared = |count: choice::Count| {
+            let chosen = Variant::none().with(count).with(time);
             traced.specialize(picture::specialize(chosen, view, settings))
         };
-        let chosen = sky.specialize(shared("shared/count/none")).part("film", records::part(settings.sums));
-        let chosen = chosen.part("components", records::components(settings.aovs));
+        let chosen = sky.specialize(shared(choice::Count::None)).with(records::film(settings.sums));
+        let chosen = chosen.with(records::components(settings.aovs));
         let (kernel, chosen, sampled) = match settings.integrator {
             Integrator::Hybrid => {
-                let chosen = chosen.part("first_light", records::first_light(settings.aovs));
-                ("render/hybrid", packed.specialize_hybrid(chosen, settings), None)
+                let chosen = chosen.with(records::first_light(settings.aovs));
+                (wgsl::render::HYBRID, packed.specialize_hybrid(chosen, settings), None)
             }
             Integrator::Path => {
                 let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
-                ("render/path", packed.specialize_path(chosen, &sampled, settings), Some(sampled))
+                (wgsl::render::PATH, packed.specialize_path(chosen, &sampled, settings), Some(sampled))
             }
         };
         let guide = || {
             let counts = settings.aovs.contains(Aov::Tests);
-            let chosen = shared(if counts { "shared/count/tests" } else { "shared/count/none" });
-            gpu.kernel("render/guide", &packed.specialize_guide(chosen))
+            let chosen = shared(if counts { choice::Count::Tests } else { choice::Count::None });
+            gpu.kernel(wgsl::render::GUIDE, &packed.specialize_guide(chosen))
         };
         let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
         let light = match settings.integrator {
-            Integrator::Hybrid => chosen.clone().part("first", "shared/camera/first/trace"),
+            Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
         let kernels = RenderKernels { light: gpu.kernel(kernel, &light)?, guide };

@@ -1,7 +1,7 @@
 //! Packs and uploads lights: the list, the environment, and the data for sampling them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant, choice};
 use canted_scene::{Environment, Scene};
 use canted_trace::InstanceId;
 
@@ -121,22 +121,22 @@ impl SampledLights {
     /// Selects the parts that the scene needs.
     pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         let local = match (&self.emitters, &self.leaves) {
-            (None, None) => "shared/light/sampler/local/none",
-            (Some(_), None) => "shared/light/sampler/local/emitters",
-            (None, Some(_)) => "shared/light/sampler/local/lights",
-            (Some(_), Some(_)) => "shared/light/sampler/local/both",
+            (None, None) => choice::Local::None,
+            (Some(_), None) => choice::Local::Emitters,
+            (None, Some(_)) => choice::Local::Lights,
+            (Some(_), Some(_)) => choice::Local::Both,
         };
         let skylight = match (&self.sky, self.sky_is_sampled) {
-            (Some(_), _) => "shared/light/environment/skylight/image",
-            (None, true) => "shared/light/environment/skylight/cosine",
-            (None, false) => "shared/light/environment/skylight/black",
+            (Some(_), _) => choice::Skylight::Image,
+            (None, true) => choice::Skylight::Cosine,
+            (None, false) => choice::Skylight::Black,
         };
-        let suns = if self.suns.is_some() { "shared/light/sun/suns/list" } else { "shared/light/sun/suns/none" };
-        let chosen = chosen.part("local", local).part("skylight", skylight).part("suns", suns);
+        let suns = if self.suns.is_some() { choice::Suns::List } else { choice::Suns::None };
+        let chosen = chosen.with(local).with(skylight).with(suns);
         match (&self.emitters, self.needs_textured_emission()) {
             (None, _) => chosen,
-            (Some(_), false) => chosen.part("emission", "shared/light/triangle/emission/constant"),
-            (Some(_), true) => chosen.part("emission", "shared/light/triangle/emission/textured"),
+            (Some(_), false) => chosen.with(choice::Emission::Constant),
+            (Some(_), true) => chosen.with(choice::Emission::Textured),
         }
     }
 }
@@ -177,14 +177,11 @@ impl DeviceSky {
 
     /// Selects the part that the scene needs.
     pub(super) fn specialize(&self, chosen: Variant) -> Variant {
-        chosen.part(
-            "sky",
-            match self {
-                Self::Black => "shared/light/environment/sky/black",
-                Self::Constant => "shared/light/environment/sky/constant",
-                Self::Image(..) => "shared/light/environment/sky/image",
-            },
-        )
+        chosen.with(match self {
+            Self::Black => choice::Sky::Black,
+            Self::Constant => choice::Sky::Constant,
+            Self::Image(..) => choice::Sky::Image,
+        })
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Buffer, Gpu, GpuError, Variant};
+use canted_gpu::{Buffer, Gpu, GpuError, Number, Variant, choice};
 use canted_scene::{
     AlphaMode, Encoding, Hair as HairSource, Magnification, Material, MaterialId, Mesh, Scene, Texture, TextureId,
     TextureRef, UvSet, Wrap,
@@ -355,14 +355,14 @@ impl Texels {
     /// Selects how kernels read and average texels.
     pub(super) fn specialize(&self, chosen: Variant, lod: Lod) -> Variant {
         let lod = match lod {
-            Lod::None => "shared/texture/lod/none",
-            Lod::Cone => "shared/texture/lod/cone",
-            Lod::Aniso => "shared/texture/lod/aniso",
+            Lod::None => choice::Lod::None,
+            Lod::Cone => choice::Lod::Cone,
+            Lod::Aniso => choice::Lod::Aniso,
         };
-        let chosen = chosen.part("texture", "shared/texture/lookup").part("lod", lod);
+        let chosen = chosen.with(choice::Texture::Lookup).with(lod);
         if self.bindings.len() == 1 {
-            return chosen.part("texels", "shared/texture/texels/one");
+            return chosen.with(choice::Texels::One);
         }
-        chosen.part("texels", "shared/texture/texels/four").number("TEXELS_PER_BINDING", self.per_binding)
+        chosen.with(choice::Texels::Four).number(Number::TexelsPerBinding, self.per_binding)
     }
 }

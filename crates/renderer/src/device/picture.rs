@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
-use canted_gpu::Variant;
+use canted_gpu::{Variant, choice};
 
 use super::DeviceError;
 use crate::narrow;
@@ -79,19 +79,18 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
 /// Selects the parts of a kernel that generate camera rays.
 pub(super) fn specialize(chosen: Variant, view: &View, settings: &Settings) -> Variant {
     let pattern = match settings.pattern {
-        Pattern::Random => "shared/sampler/pattern/random",
-        Pattern::Stratified => "shared/sampler/pattern/stratified",
-        Pattern::Sobol => "shared/sampler/pattern/sobol",
+        Pattern::Random => choice::Pattern::Random,
+        Pattern::Stratified => choice::Pattern::Stratified,
+        Pattern::Sobol => choice::Pattern::Sobol,
     };
-    let projection =
-        if view.is_perspective { "shared/camera/view/perspective" } else { "shared/camera/view/orthographic" };
-    let lens = if view.lens.is_some() { "shared/camera/lens/disk" } else { "shared/camera/lens/pinhole" };
+    let projection = if view.is_perspective { choice::View::Perspective } else { choice::View::Orthographic };
+    let lens = if view.lens.is_some() { choice::Lens::Disk } else { choice::Lens::Pinhole };
     let is_box = matches!(settings.filter, Filter::Box(_));
-    chosen
-        .part("pattern", pattern)
-        .part("view", projection)
-        .part("lens", lens)
-        .part("filter", if is_box { "shared/camera/filter/box" } else { "shared/camera/filter/table" })
+    chosen.with(pattern).with(projection).with(lens).with(if is_box {
+        choice::Filter::Box
+    } else {
+        choice::Filter::Table
+    })
 }
 
 /// Rejects settings that the kernels do not support.

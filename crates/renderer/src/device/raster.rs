@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use canted_gpu::{AdapterKind, Draw, GpuError, RasterOutput, Variant, block_on};
+use canted_gpu::{AdapterKind, Draw, GpuError, RasterOutput, Variant, block_on, choice, wgsl};
 use canted_obb::PrimId;
 use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
@@ -59,7 +59,7 @@ impl DevicePicture<'_> {
             return Err(DeviceError::Raster { what: "curves" });
         }
         let chosen = picture::specialize(Variant::none(), view, self.settings);
-        let raster = self.gpu.raster("render/gbuffer", &self.packed.specialize(chosen))?;
+        let raster = self.gpu.raster(wgsl::render::GBUFFER, &self.packed.specialize(chosen))?;
         let size = [self.settings.width, self.settings.height];
         let drawn = block_on(self.gpu.draw(&raster, &self.bindings(), size, &draws(self.surfaces.scene())?))?;
         Ok(GBuffer { time: drawn.time, pixels: self.surfaces_of(&drawn) })
@@ -159,8 +159,8 @@ impl DevicePicture<'_> {
             .map(|seen| seen.as_ref().map_or(nothing, |at| [at.instance.0, at.primitive.0]))
             .collect();
         let first_seen = Some(self.gpu.buffer("first hits", &seen)?);
-        let chosen = self.chosen.clone().part("first", "shared/camera/first/raster");
-        let light = self.gpu.kernel("render/hybrid", &chosen)?;
+        let chosen = self.chosen.clone().with(choice::First::Raster);
+        let light = self.gpu.kernel(wgsl::render::HYBRID, &chosen)?;
         Ok((self.with_kernel(light, first_seen), surfaces.time))
     }
 

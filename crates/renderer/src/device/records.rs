@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::{Aovs, Block, Pixel};
-use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, block_on};
+use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, block_on, choice};
 
 use crate::SampleSums;
 
@@ -126,7 +126,7 @@ pub(super) struct Taken {
 /// What a kernel keeps of a block of samples of a pixel.
 pub(super) trait SampleRecord: Pod {
     /// The part of the kernels that keeps it.
-    const PART: &'static str;
+    const FILM: choice::Film;
 
     /// The variable that kernels write.
     const BINDING: &'static str;
@@ -142,7 +142,7 @@ pub(super) trait SampleRecord: Pod {
 }
 
 impl SampleRecord for PackedSample {
-    const PART: &'static str = "shared/camera/film/samples";
+    const FILM: choice::Film = choice::Film::Samples;
     const BINDING: &'static str = "samples";
     const MAX_BLOCK: u32 = 1;
     const MAX: usize = 1 << 21;
@@ -159,7 +159,7 @@ impl SampleRecord for PackedSample {
 }
 
 impl SampleRecord for PackedSum {
-    const PART: &'static str = "shared/camera/film/sums";
+    const FILM: choice::Film = choice::Film::Sums;
     const BINDING: &'static str = "sums";
     /// The invocations of a work-group.
     const MAX_BLOCK: u32 = 64;
@@ -177,21 +177,21 @@ impl SampleRecord for PackedSum {
 }
 
 /// The part of the kernels for these sums.
-pub(super) fn part(sums: SampleSums) -> &'static str {
+pub(super) fn film(sums: SampleSums) -> choice::Film {
     match sums {
-        SampleSums::Host => PackedSample::PART,
-        SampleSums::Device => PackedSum::PART,
+        SampleSums::Host => PackedSample::FILM,
+        SampleSums::Device => PackedSum::FILM,
     }
 }
 
 /// The part of the kernels that keeps the parts of the light, if they are requested.
-pub(super) fn components(aovs: Aovs) -> &'static str {
-    if aovs.has_components() { "shared/camera/components/three" } else { "shared/camera/components/none" }
+pub(super) fn components(aovs: Aovs) -> choice::Components {
+    if aovs.has_components() { choice::Components::Three } else { choice::Components::None }
 }
 
 /// The part of the kernel of `hybrid` that keeps the light at the first surface, if it is requested.
-pub(super) fn first_light(aovs: Aovs) -> &'static str {
-    if aovs.has_factors() { "shared/camera/first_light/four" } else { "shared/camera/first_light/none" }
+pub(super) fn first_light(aovs: Aovs) -> choice::FirstLight {
+    if aovs.has_factors() { choice::FirstLight::Four } else { choice::FirstLight::None }
 }
 
 /// How many records of `R` a binding holds.

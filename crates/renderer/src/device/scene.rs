@@ -1,6 +1,6 @@
 //! The buffers of a scene, and nothing that it does not need.
 
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Number, Variant, choice};
 use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
@@ -164,70 +164,69 @@ impl PackedScene {
     /// Selects the parts of a kernel that read the scene.
     pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         let Has { instances, motion, normals, normal_maps, masks, single_sided, curves, hair, .. } = self.has;
-        let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
-            (true, _) => pick(motion, "shared/surface/placed/moving", "shared/surface/placed/instances"),
-            (false, Some(_)) => "shared/surface/placed/flat",
-            (false, None) => "shared/surface/placed/single",
+            (true, _) if motion => choice::Placed::Moving,
+            (true, _) => choice::Placed::Instances,
+            (false, Some(_)) => choice::Placed::Flat,
+            (false, None) => choice::Placed::Single,
         };
-        let bent = pick(
-            normal_maps,
-            "shared/surface/normal/mapped",
-            pick(normals, "shared/surface/normal/smooth", "shared/surface/normal/flat"),
-        );
+        let bent = match (normal_maps, normals) {
+            (true, _) => choice::Normal::Mapped,
+            (false, true) => choice::Normal::Smooth,
+            (false, false) => choice::Normal::Flat,
+        };
         let mask = match (masks, single_sided) {
-            (false, false) => "shared/mask/none",
-            (true, false) => "shared/mask/alpha",
-            (false, true) => "shared/mask/faces",
-            (true, true) => "shared/mask/both",
+            (false, false) => choice::Mask::None,
+            (true, false) => choice::Mask::Alpha,
+            (false, true) => choice::Mask::Faces,
+            (true, true) => choice::Mask::Both,
         };
-        let shapes = pick(curves, "shared/surface_curve/shapes/curves", "shared/surface/shapes/triangles");
+        let shapes = if curves { choice::Shapes::Curves } else { choice::Shapes::Triangles };
         let chosen = chosen
-            .part("shapes", shapes)
-            .part("placed", placed)
-            .part("normal", bent)
-            .part("mask", mask)
-            .number("STRIDE", self.columns.stride)
-            .number("COLOR", self.columns.color);
-        let exits = pick(hair, "shared/surface_curve/exits/hair", "shared/segment/exits/kept");
-        let chosen = if curves { chosen.part("exits", exits) } else { chosen };
-        let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
-        let chosen = if normal_maps { chosen.number("TANGENT", self.columns.tangent) } else { chosen };
+            .with(shapes)
+            .with(placed)
+            .with(bent)
+            .with(mask)
+            .number(Number::Stride, self.columns.stride)
+            .number(Number::Color, self.columns.color);
+        let exits = if hair { choice::Exits::Hair } else { choice::Exits::Kept };
+        let chosen = if curves { chosen.with(exits) } else { chosen };
+        let chosen = if normals || normal_maps { chosen.number(Number::Normal, self.columns.normal) } else { chosen };
+        let chosen = if normal_maps { chosen.number(Number::Tangent, self.columns.tangent) } else { chosen };
         let chosen = if masks { self.with_alpha(chosen) } else { chosen };
         match &self.images {
             Some((.., texels)) => {
-                let coordinates =
-                    pick(curves, "shared/texture/coordinates/curves", "shared/texture/coordinates/triangles");
-                texels.specialize(chosen.part("coordinates", coordinates), self.lod)
+                let coordinates = if curves { choice::Coordinates::Curves } else { choice::Coordinates::Triangles };
+                texels.specialize(chosen.with(coordinates), self.lod)
             }
-            None => chosen.part("texture", "shared/texture/none"),
+            None => chosen.with(choice::Texture::None),
         }
     }
 
     /// Selects the parts of the hybrid integrator.
     pub(super) fn specialize_hybrid(&self, chosen: Variant, settings: &Settings) -> Variant {
-        let chosen = chosen.part("hemisphere", hemisphere(settings));
-        let direct = if self.lights.is_some() { "shared/light/direct/list" } else { "shared/light/direct/none" };
-        self.with_shape_lights(self.specialize(chosen)).part("direct", direct)
+        let chosen = chosen.with(hemisphere(settings));
+        let direct = if self.lights.is_some() { choice::Direct::List } else { choice::Direct::None };
+        self.with_shape_lights(self.specialize(chosen)).with(direct)
     }
 
     /// Selects the parts of the path integrator.
     pub(super) fn specialize_path(&self, chosen: Variant, lights: &SampledLights, settings: &Settings) -> Variant {
-        let chosen = chosen.part("hemisphere", hemisphere(settings));
+        let chosen = chosen.with(hemisphere(settings));
         let chosen = lights.specialize(self.with_shape_lights(self.specialize(chosen)));
         // Textured emission reads alpha even without an alpha test.
         let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
-            return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
+            return self.with_material(chosen).with(choice::Bsdf::Lambert);
         }
-        let through = if self.has.glass { "shared/bsdf/transmission/glass" } else { "shared/bsdf/transmission/none" };
+        let through = if self.has.glass { choice::Transmission::Glass } else { choice::Transmission::None };
         let energy = match (settings.energy_compensation, self.has.compensated_glass) {
-            (false, _) => "shared/bsdf/energy/single",
-            (true, false) => "shared/bsdf/energy/compensated",
-            (true, true) => "shared/bsdf/energy/refracting",
+            (false, _) => choice::Energy::Single,
+            (true, false) => choice::Energy::Compensated,
+            (true, true) => choice::Energy::Refracting,
         };
-        let bsdf = if self.has.hair { "shared/bsdf/hair" } else { "shared/bsdf/full" };
-        self.with_material(chosen).part("bsdf", bsdf).part("transmission", through).part("energy", energy)
+        let bsdf = if self.has.hair { choice::Bsdf::Hair } else { choice::Bsdf::Full };
+        self.with_material(chosen).with(bsdf).with(through).with(energy)
     }
 
     /// Selects the parts of the kernel that writes AOVs.
@@ -237,25 +236,19 @@ impl PackedScene {
 
     fn with_material(&self, chosen: Variant) -> Variant {
         let part = match (self.has.hair, self.has.gloss) {
-            (true, _) => "shared/surface/material/hair",
-            (false, true) => "shared/surface/material/full",
-            (false, false) => "shared/surface/material/lambert",
+            (true, _) => choice::Material::Hair,
+            (false, true) => choice::Material::Full,
+            (false, false) => choice::Material::Lambert,
         };
-        chosen.part("material", part)
+        chosen.with(part)
     }
 
     fn with_shape_lights(&self, chosen: Variant) -> Variant {
-        chosen.part(
-            "shape_lights",
-            if self.has.shape_lights { "shared/light/shape_lights/list" } else { "shared/light/shape_lights/none" },
-        )
+        chosen.with(if self.has.shape_lights { choice::ShapeLights::List } else { choice::ShapeLights::None })
     }
 
     fn with_alpha(&self, chosen: Variant) -> Variant {
-        chosen.part(
-            "alpha",
-            if self.has.mask_textures { "shared/surface/alpha/texture" } else { "shared/surface/alpha/plain" },
-        )
+        chosen.with(if self.has.mask_textures { choice::Alpha::Texture } else { choice::Alpha::Plain })
     }
 
     /// Whether some meshes have curves.
@@ -275,10 +268,10 @@ impl PackedScene {
 }
 
 /// The part that samples diffuse directions.
-fn hemisphere(settings: &Settings) -> &'static str {
+fn hemisphere(settings: &Settings) -> choice::Hemisphere {
     match settings.hemisphere {
-        Hemisphere::Cosine => "shared/hemisphere/cosine",
-        Hemisphere::Uniform => "shared/hemisphere/uniform",
+        Hemisphere::Cosine => choice::Hemisphere::Cosine,
+        Hemisphere::Uniform => choice::Hemisphere::Uniform,
     }
 }
 

@@ -75,6 +75,8 @@ impl LightBuffers {
 mod tests {
     use canted_shaders::same_layout;
 
+    use canted_gpu::{choice, wgsl};
+
     use super::*;
     use crate::light::environment::SkyImage;
     use crate::light::tree::LightNode;
@@ -84,19 +86,19 @@ mod tests {
     fn layouts_match_the_kernels() {
         let listed = Variant::none();
         same_layout!(
-            "check/incoming",
+            wgsl::check::INCOMING,
             &listed,
             "ListLight",
             ListLight { position, kind, direction, extent, color, cos_outer }
         );
         let sampled = Variant::none()
-            .part("local", "shared/light/sampler/local/both")
-            .part("skylight", "shared/light/environment/skylight/image")
-            .part("suns", "shared/light/sun/suns/list")
-            .part("emission", "shared/light/triangle/emission/constant")
-            .part("sky", "shared/light/environment/sky/image");
+            .with(choice::Local::Both)
+            .with(choice::Skylight::Image)
+            .with(choice::Suns::List)
+            .with(choice::Emission::Constant)
+            .with(choice::Sky::Image);
         same_layout!(
-            "check/light",
+            wgsl::check::LIGHT,
             &sampled,
             "LightNode",
             LightNode {
@@ -113,11 +115,11 @@ mod tests {
             }
         );
         same_layout!(
-            "check/light",
+            wgsl::check::LIGHT,
             &sampled,
             "Emitter",
             PackedEmitter { corner, instance, first, primitive, second, leaf, radiance, slack }
         );
-        same_layout!("check/light", &sampled, "SkyImage", SkyImage { scale, width, height, turn });
+        same_layout!(wgsl::check::LIGHT, &sampled, "SkyImage", SkyImage { scale, width, height, turn });
     }
 }

@@ -1,6 +1,6 @@
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
-use canted_gpu::Variant;
+use canted_gpu::{Variant, choice, wgsl};
 use canted_renderer::twins::glass_albedos;
 use canted_renderer::{Bsdf, BsdfSample, Evaluation, Hemisphere};
 
@@ -225,22 +225,22 @@ fn queries(n: u32) -> Vec<Query> {
 
 /// The choices for all materials.
 fn full() -> Variant {
-    glossy("shared/bsdf/transmission/glass", "shared/bsdf/energy/single")
+    glossy(choice::Transmission::Glass, choice::Energy::Single)
 }
 
-fn glossy(transmission: &str, energy: &str) -> Variant {
-    cosine().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
+fn glossy(transmission: choice::Transmission, energy: choice::Energy) -> Variant {
+    cosine().with(choice::Bsdf::Full).with(transmission).with(energy)
 }
 
 fn cosine() -> Variant {
-    Variant::none().part("hemisphere", "shared/hemisphere/cosine")
+    Variant::none().with(choice::Hemisphere::Cosine)
 }
 
 fn bsdfs_match_the_cpu() {
     let gpu = gpu();
     let queries = queries(20_000);
     let chosen = full();
-    let mut answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
+    let mut answers: Vec<Answer> = answers(&gpu, wgsl::check::BSDF, &chosen, &queries, &[]);
     let [n_equal, n_else] = compare(compare_one, &queries, &answers).unwrap();
     // A choice may differ where its number and a probability are within a few roundings.
     assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
@@ -258,9 +258,9 @@ fn compensated_bsdfs_match_the_cpu() {
     let gpu = gpu();
     let queries: Vec<Query> =
         queries(20_000).into_iter().map(|query| Query { flags: query.flags | COMPENSATED, ..query }).collect();
-    let chosen = glossy("shared/bsdf/transmission/glass", "shared/bsdf/energy/refracting");
+    let chosen = glossy(choice::Transmission::Glass, choice::Energy::Refracting);
     let glass = glass_albedos(&gpu).unwrap();
-    let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[("glass_albedos", &glass)]);
+    let answers: Vec<Answer> = answers(&gpu, wgsl::check::BSDF, &chosen, &queries, &[("glass_albedos", &glass)]);
     let mut n_changed = 0;
     for (query, answer) in queries.iter().zip(&answers) {
         let [r, g, b] = answer.value.map(f64::from);
@@ -280,8 +280,9 @@ fn diffuse_bsdf_matches_the_full_one() {
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
-    let lambert = cosine().part("bsdf", "shared/bsdf/lambert");
-    let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
+    let lambert = cosine().with(choice::Bsdf::Lambert);
+    let [few, all] =
+        [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, wgsl::check::BSDF, &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {
         // Opaque materials do not use the transmission factor.
@@ -293,10 +294,10 @@ fn uniform_diffuse_lobes_match_the_cpu() {
     let gpu = gpu();
     let uniform = |query: Query| Query { flags: query.flags | UNIFORM, ..query };
     let queries: Vec<Query> = queries(20_000).into_iter().map(uniform).collect();
-    let chosen = Variant::none().part("hemisphere", "shared/hemisphere/uniform");
-    let chosen = chosen.part("bsdf", "shared/bsdf/full").part("transmission", "shared/bsdf/transmission/glass");
-    let chosen = chosen.part("energy", "shared/bsdf/energy/single");
-    let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
+    let chosen = Variant::none().with(choice::Hemisphere::Uniform);
+    let chosen = chosen.with(choice::Bsdf::Full).with(choice::Transmission::Glass);
+    let chosen = chosen.with(choice::Energy::Single);
+    let answers: Vec<Answer> = answers(&gpu, wgsl::check::BSDF, &chosen, &queries, &[]);
     let [n_equal, n_else] = compare(compare_one, &queries, &answers).unwrap();
     assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
     // The comparison detects a lobe that is sampled by the cosine.
@@ -307,8 +308,8 @@ fn uniform_diffuse_lobes_match_the_cpu() {
 fn opaque_bsdf_without_transmission_matches_the_full_one() {
     let gpu = gpu();
     let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
-    let opaque = glossy("shared/bsdf/transmission/none", "shared/bsdf/energy/single");
-    let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
+    let opaque = glossy(choice::Transmission::None, choice::Energy::Single);
+    let answers: Vec<Answer> = answers(&gpu, wgsl::check::BSDF, &opaque, &queries, &[]);
     // The transmission factor is used only where light is transmitted.
     let check = |query: &Query, answer: &Answer| {
         let compression = query.bsdf().compression();
@@ -321,7 +322,7 @@ fn opaque_bsdf_without_transmission_matches_the_full_one() {
 fn layouts_match_the_kernel() {
     let full = full();
     canted_shaders::same_layout!(
-        "check/bsdf",
+        wgsl::check::BSDF,
         &full,
         "Query",
         Query {
@@ -339,7 +340,7 @@ fn layouts_match_the_kernel() {
         }
     );
     canted_shaders::same_layout!(
-        "check/bsdf",
+        wgsl::check::BSDF,
         &full,
         "Answer",
         Answer { value, density, incident, sampled_density, weight, flags, compression }

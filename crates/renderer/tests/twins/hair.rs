@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
-use canted_gpu::Variant;
+use canted_gpu::{Variant, wgsl};
 use canted_renderer::{Bsdf, BsdfSample, Evaluation, Hair};
 
 use crate::{U, answers, compare, direction, gpu, number};
@@ -173,7 +173,7 @@ fn queries(n: u32) -> Vec<Query> {
 fn hair_matches_the_cpu() {
     let gpu = gpu();
     let queries = queries(20_000);
-    let mut found: Vec<Answer> = answers(&gpu, "check/hair", &Variant::none(), &queries, &[]);
+    let mut found: Vec<Answer> = answers(&gpu, wgsl::check::HAIR, &Variant::none(), &queries, &[]);
     let [n_equal, n_else] = compare(compare_one, &queries, &found).unwrap();
     assert!(n_else * 300 < n_equal, "{n_else} of {n_equal} fell to another side");
     // An error of a hundredth in a smooth region is detected.
@@ -211,7 +211,7 @@ fn hair_in_a_white_furnace_is_white_on_the_device() {
                     }
                 })
                 .collect();
-            let found: Vec<Answer> = answers(&gpu, "check/hair", &Variant::none(), &queries, &[]);
+            let found: Vec<Answer> = answers(&gpu, wgsl::check::HAIR, &Variant::none(), &queries, &[]);
             let mean = |of: &dyn Fn(&Answer) -> f32| {
                 found.iter().map(|answer| f64::from(of(answer))).sum::<f64>() / f64::from(n)
             };
@@ -228,13 +228,13 @@ fn hair_in_a_white_furnace_is_white_on_the_device() {
 
 fn hair_layouts_match_the_kernel() {
     canted_shaders::same_layout!(
-        "check/hair",
+        wgsl::check::HAIR,
         &Variant::none(),
         "Query",
         Query { absorption, roughness, roughness_around, tilt_rad, ior, choice, outgoing, incident, square }
     );
     canted_shaders::same_layout!(
-        "check/hair",
+        wgsl::check::HAIR,
         &Variant::none(),
         "Answer",
         Answer { value, density, incident, sampled_density, weight, flags }

@@ -1,6 +1,6 @@
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
-use canted_gpu::Variant;
+use canted_gpu::{Variant, wgsl};
 use canted_renderer::twins::{incoming_light, light_list};
 use canted_scene::Light;
 use glam::DVec3;
@@ -171,7 +171,8 @@ fn incoming_light_matches_the_cpu() {
     let lights = lights();
     let packed = light_list(&gpu, &lights).unwrap();
     let queries = queries(&lights);
-    let mut answers: Vec<Answer> = answers(&gpu, "check/incoming", &Variant::none(), &queries, &[("lights", &packed)]);
+    let mut answers: Vec<Answer> =
+        answers(&gpu, wgsl::check::INCOMING, &Variant::none(), &queries, &[("lights", &packed)]);
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 
@@ -183,5 +184,5 @@ fn incoming_light_matches_the_cpu() {
 }
 
 fn layouts_match_the_kernel() {
-    canted_shaders::same_layout!("check/incoming", &Variant::none(), "Query", Query { at, light, square });
+    canted_shaders::same_layout!(wgsl::check::INCOMING, &Variant::none(), "Query", Query { at, light, square });
 }

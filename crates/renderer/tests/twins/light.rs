@@ -1,6 +1,6 @@
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
-use canted_gpu::{Gpu, Variant};
+use canted_gpu::{Gpu, Variant, choice, wgsl};
 use canted_obb::Affine;
 use canted_renderer::twins::{LightBuffers, light_list};
 use canted_renderer::{LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
@@ -278,7 +278,7 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
     bound.push(("lights", &list));
     let chosen = buffers.specialize(Variant::none());
     let queries = queries(&sampler, n);
-    let mut answers: Vec<Answer> = answers(gpu, "check/light", &chosen, &queries, &bound);
+    let mut answers: Vec<Answer> = answers(gpu, wgsl::check::LIGHT, &chosen, &queries, &bound);
     if let Some(spoil) = spoil {
         let lit = answers.iter().position(|answer| answer.density > 0.0).unwrap();
         spoil(&mut answers[lit]);
@@ -307,12 +307,12 @@ fn light_samples_match_the_cpu() {
 
 fn layouts_match_the_kernel() {
     let chosen = Variant::none()
-        .part("local", "shared/light/sampler/local/both")
-        .part("skylight", "shared/light/environment/skylight/image")
-        .part("suns", "shared/light/sun/suns/list")
-        .part("emission", "shared/light/triangle/emission/constant")
-        .part("sky", "shared/light/environment/sky/image");
-    let kernel = "check/light";
+        .with(choice::Local::Both)
+        .with(choice::Skylight::Image)
+        .with(choice::Suns::List)
+        .with(choice::Emission::Constant)
+        .with(choice::Sky::Image);
+    let kernel = wgsl::check::LIGHT;
     canted_shaders::same_layout!(
         kernel,
         &chosen,

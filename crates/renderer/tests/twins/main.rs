@@ -30,7 +30,7 @@ fn gpu() -> Gpu {
 /// Runs a kernel of `check/`: its `answers` for `queries`.
 fn answers<Q: Pod, A: Pod>(
     gpu: &Gpu,
-    kernel: &str,
+    kernel: canted_gpu::ShaderName,
     chosen: &Variant,
     queries: &[Q],
     others: &[NamedBinding<'_>],
