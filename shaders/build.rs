@@ -10,17 +10,16 @@ mod sections;
 
 use sections::{CHOICE, CONST, SLOT, USE, sections};
 
-/// Folders with WGSL files; `shared.wgsl` lies beside them.
-const FOLDERS: [&str; 5] = ["build", "check", "render", "shared", "trace"];
+/// Where the WGSL files are.
+const PLACES: [&str; 6] = ["build", "check.wgsl", "render", "shared", "shared.wgsl", "trace.wgsl"];
 
 fn main() {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
-    let mut paths = vec![root.join("shared.wgsl")];
-    for folder in FOLDERS {
-        println!("cargo:rerun-if-changed={folder}");
-        add_files(&root.join(folder), &mut paths);
+    let mut paths = vec![];
+    for place in PLACES {
+        println!("cargo:rerun-if-changed={place}");
+        add_files(&root.join(place), &mut paths);
     }
-    println!("cargo:rerun-if-changed=shared.wgsl");
     println!("cargo:rerun-if-changed=src/sections.rs");
     paths.sort();
     let files: Vec<(String, String)> = paths
@@ -41,14 +40,15 @@ fn main() {
     fs::write(&out, text).unwrap_or_else(|error| panic!("{}: {error}", out.display()));
 }
 
-fn add_files(folder: &Path, paths: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display())) {
-        let path = entry.expect("a readable folder").path();
-        if path.is_dir() {
-            add_files(&path, paths);
-        } else if path.extension().is_some_and(|extension| extension == "wgsl") {
-            paths.push(path);
+fn add_files(place: &Path, paths: &mut Vec<PathBuf>) {
+    if !place.is_dir() {
+        if place.extension().is_some_and(|extension| extension == "wgsl") {
+            paths.push(place.to_owned());
         }
+        return;
+    }
+    for entry in fs::read_dir(place).unwrap_or_else(|error| panic!("{}: {error}", place.display())) {
+        add_files(&entry.expect("a readable folder").path(), paths);
     }
 }
 
@@ -57,8 +57,8 @@ fn add_files(folder: &Path, paths: &mut Vec<PathBuf>) {
 struct Names {
     /// Files and parts that are no choices, and whether they are kernels.
     files: BTreeMap<String, bool>,
-    /// The choices of each slot: the last word and the whole name of each.
-    slots: BTreeMap<String, BTreeMap<String, String>>,
+    /// The choices of each slot, in the order of the files: the last word and the whole name of each.
+    slots: BTreeMap<String, Vec<(String, String)>>,
     numbers: BTreeSet<String>,
     overrides: BTreeSet<String>,
 }
@@ -74,8 +74,9 @@ impl Names {
                     let mut words = whole.rsplit('/');
                     let (Some(choice), Some(slot)) = (words.next(), words.next()) else { continue };
                     let slot = names.slots.entry(slot.to_owned()).or_default();
-                    let other = slot.insert(choice.to_owned(), whole.clone());
+                    let other = slot.iter().find(|(known, _)| known == choice);
                     assert!(other.is_none(), "{whole} and {other:?} have the same name in their slot");
+                    slot.push((choice.to_owned(), whole.clone()));
                 } else {
                     let name = if part.is_empty() { file.clone() } else { format!("{file}/{part}") };
                     // The head of a file with kernels as parts has none itself.
@@ -91,7 +92,7 @@ impl Names {
 
     /// Panics where a file uses what no file declares.
     fn check(&self, files: &[(String, String)]) {
-        let choices: BTreeSet<&String> = self.slots.values().flat_map(BTreeMap::values).collect();
+        let choices: BTreeSet<&String> = self.slots.values().flatten().map(|(_, whole)| whole).collect();
         for (file, text) in files {
             for line in text.lines() {
                 if let Some(slot) = line.strip_prefix(SLOT) {
@@ -128,7 +129,7 @@ fn write_files(text: &mut String, files: &[(String, String)]) {
 fn write_slots(text: &mut String, names: &Names) {
     text.push_str("pub(crate) const SLOTS: &[(&str, &[&str])] = &[\n");
     for (slot, choices) in &names.slots {
-        let parts: Vec<&String> = choices.values().collect();
+        let parts: Vec<&String> = choices.iter().map(|(_, part)| part).collect();
         let _ = writeln!(text, "    ({slot:?}, &{parts:?}),");
     }
     text.push_str("];\n\n/// An enum for each slot of kernels: the parts that fill it.\npub mod choice {\n");

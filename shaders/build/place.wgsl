@@ -34,7 +34,7 @@ struct InstanceLayout {
 @group(0) @binding(1) var<uniform> instance_layout: InstanceLayout;
 /// For each instance the rows of `world_from_object`, translations last, as f32, the number of its mesh, and perhaps its mask.
 @group(0) @binding(2) var<storage, read> transforms: array<u32>;
-/// From build/mesh_boxes.
+/// From build/scene/mesh_boxes.
 @group(0) @binding(3) var<storage, read> mesh_boxes: array<vec4<f32>>;
 /// As `Instance` of shared/level: ten quads each.
 @group(0) @binding(4) var<storage, read_write> instances: array<vec4<u32>>;

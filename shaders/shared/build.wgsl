@@ -461,7 +461,7 @@ struct Level {
 @group(0) @binding(6) var<storage, read> wide_slots: array<u32>;
 @group(0) @binding(7) var<uniform> target_level: Level;
 @group(0) @binding(8) var<storage, read_write> wide_nodes: array<u32>;
-/// From build/wide_children.
+/// From build/wide/children.
 @group(0) @binding(10) var<storage, read> wide_children: array<u32>;
 
 /// A word that refers to nothing.

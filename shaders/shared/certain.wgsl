@@ -4,7 +4,7 @@
 // (`trace/listed_closest`, `trace/listed_occluded`) trace them again. So this loop needs neither exact edge tests nor emulated arithmetic.
 //
 // # Order
-// The host and build/wide_children store the children of a node by octants: child `i` lies toward the corner of the node whose coordinates
+// The host and build/wide/children store the children of a node by octants: child `i` lies toward the corner of the node whose coordinates
 // are high where bits 0, 1, 2 of `i` are set. A ray takes the children in the order of `i ^ octant`, where `octant` has a bit for each
 // negative component of its direction (Ylitie, Karras and Laine 2017). Any order is correct. The pending children of a node are one mask, and
 // the stack has one entry, node and mask, for each level. So each node is read and tested once, nothing is sorted, and no distance is kept.

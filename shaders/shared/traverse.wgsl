@@ -157,7 +157,7 @@ fn next(children: u32) -> u32 {
 }
 
 // choice binary
-// Binary BVHs that the device built, in the form of build/pairs. Leaves hold one triangle, and one instance in the top level.
+// Binary BVHs that the device built, in the form of build/scene/pairs. Leaves hold one triangle, and one instance in the top level.
 // use shared/triangle/leaf
 // use shared/bvh/volume/entry
 // use ?level

@@ -31,7 +31,7 @@
 //!
 //! # Files
 //!
-//! A kernel is a file, or a part of one, with the entry point `main`, or with `vertex` and `fragment`. Folders are named after the CPU's stages.
+//! A kernel is a part of a file, or a file, with the entry point `main`, or with `vertex` and `fragment`. Folders are named after the CPU's stages.
 //! `shared/` holds what kernels have in common; a file there may contain several parts, of which a caller chooses one. A build script reads the folders and
 //! writes [`wgsl`] and [`choice`], and checks that what a file uses is there.
 //!

@@ -191,7 +191,7 @@ impl Joined<'_> {
 
     fn choice<T: Copy>(&self, name: &'static str, from: &[(&'static str, T)]) -> Result<T, ShaderError> {
         let found = from.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
-        found.ok_or_else(|| ShaderError::MissingChoice { kernel: self.kernel, what: name })
+        found.ok_or(ShaderError::MissingChoice { kernel: self.kernel, what: name })
     }
 }
 

@@ -281,7 +281,7 @@ mod tests {
     fn the_record_has_two_families_and_the_kernels_that_trace() {
         let rows = recorded().unwrap();
         for family in FAMILIES {
-            for kernel in ["trace/closest", "trace/occluded", "render/path", "build/sort_count"] {
+            for kernel in ["trace/closest", "trace/occluded", "render/path", "build/sort/count"] {
                 assert!(rows.iter().any(|row| row.family == family && row.kernel == kernel), "{kernel} on {family}");
             }
         }

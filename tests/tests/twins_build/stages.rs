@@ -271,7 +271,7 @@ struct Digit {
 /// The exclusive prefix sums of each row, and the rows' totals; by work-groups of `group` invocations.
 fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
     let tiled = Variant::none().number(Number::Group, group).number(Number::KeysEach, 16).number(Number::Radix, ROWS);
-    let kernel = gpu.kernel(wgsl::build::SORT_SCAN, &tiled).unwrap();
+    let kernel = gpu.kernel(wgsl::build::sort::SCAN, &tiled).unwrap();
     let n_tiles = u32::try_from(rows[0].len()).unwrap();
     let digit = gpu.uniform("digit", &Digit { n_keys: 0, n_tiles, shift: 0 }).unwrap();
     let counts = gpu.buffer("counts", &rows.concat()).unwrap();

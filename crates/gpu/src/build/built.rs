@@ -86,12 +86,12 @@ pub(crate) fn refit_aabbs(build: &mut BuildEncoder<'_>, built: &Built, [first, e
     let bound = primitives.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", aabbs)]);
     build.stage("aabb", |dispatches| {
         dispatches.work.clear_range(aabbs, first, end - first);
-        let kernel = gpu.kernel(wgsl::build::AABBS, &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::volumes::AABBS, &primitives.part())?;
         dispatches.range(&kernel, &bound, [first, end])
     })
 }
 
-/// `Place` of `build/adopt`.
+/// `Place` of `build/topology/adopt`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Place {
@@ -137,7 +137,7 @@ impl Built {
             ("leaves", &self.leaves),
         ];
         build.stage("adopt", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::ADOPT, &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::topology::ADOPT, &Variant::none())?;
             dispatches.items(&kernel, &bound, n)?;
             let work = &mut dispatches.work;
             work.copy_range((&own.trees.heights, 0), (&self.trees.heights, first), n);
@@ -185,7 +185,7 @@ impl Built {
         let gpu = build.gpu();
         let bound = self.primitives.bound(&[("aabbs", &self.aabbs), ("mesh_boxes", boxes)]);
         build.stage("roots", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::MESH_BOXES, &self.primitives.part())?;
+            let kernel = gpu.kernel(wgsl::build::scene::MESH_BOXES, &self.primitives.part())?;
             dispatches.range(&kernel, &bound, trees)
         })
     }

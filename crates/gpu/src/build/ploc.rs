@@ -112,7 +112,7 @@ impl Clusters {
             ("remaining", &all.remaining),
         ]);
         build.stage("tree", |dispatches| {
-            dispatches.items(&*gpu.kernel(wgsl::build::PLOC_START, &primitives.part())?, &bound, all.n)
+            dispatches.items(&*gpu.kernel(wgsl::build::ploc::START, &primitives.part())?, &bound, all.n)
         })?;
         Ok(all)
     }
@@ -169,11 +169,11 @@ impl Clusters {
             ("iteration", &uniform),
         ]);
         let kernel = |name: ShaderName| gpu.kernel(name, &Variant::none());
-        dispatches.items(&*kernel(wgsl::build::PLOC_PARTNERS)?, &bound, n)?;
-        dispatches.items(&*kernel(wgsl::build::PLOC_KEEP)?, &bound, n)?;
+        dispatches.items(&*kernel(wgsl::build::ploc::PARTNERS)?, &bound, n)?;
+        dispatches.items(&*kernel(wgsl::build::ploc::KEEP)?, &bound, n)?;
         prefix_sums(dispatches, &self.kept, &self.prefixes, [0, n])?;
-        dispatches.items(&*kernel(wgsl::build::PLOC_MERGE)?, &bound, n)?;
-        dispatches.items(&*kernel(wgsl::build::PLOC_STATES)?, &bound, count(primitives.ranges().len()))
+        dispatches.items(&*kernel(wgsl::build::ploc::MERGE)?, &bound, n)?;
+        dispatches.items(&*kernel(wgsl::build::ploc::STATES)?, &bound, count(primitives.ranges().len()))
     }
 
     /// All further iterations, after `number` iterations.
@@ -188,7 +188,7 @@ impl Clusters {
             ("iteration", &uniform),
         ]);
         build.stage("tree", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::PLOC_FINISH, &Variant::none().number(Number::Group, GROUP))?;
+            let kernel = gpu.kernel(wgsl::build::ploc::FINISH, &Variant::none().number(Number::Group, GROUP))?;
             let n_trees = if self.n == 0 { 0 } else { count(primitives.ranges().len()) };
             dispatches.tiles(&kernel, &bound, [0, n_trees])
         })
@@ -216,8 +216,8 @@ impl Clusters {
             ("leaves_out", &leaves_out),
         ]);
         build.stage("tree", |dispatches| {
-            dispatches.items(&*gpu.kernel(wgsl::build::PLOC_RANGES, &Variant::none())?, &bound, self.n)?;
-            dispatches.items(&*gpu.kernel(wgsl::build::PLOC_NODES, &Variant::none())?, &bound, self.n)
+            dispatches.items(&*gpu.kernel(wgsl::build::ploc::RANGES, &Variant::none())?, &bound, self.n)?;
+            dispatches.items(&*gpu.kernel(wgsl::build::ploc::NODES, &Variant::none())?, &bound, self.n)
         })?;
         depths(build, primitives, &trees)?;
         let depth = gpu.read(&trees.depth).await?[0];

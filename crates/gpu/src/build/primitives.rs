@@ -176,7 +176,7 @@ pub struct IndexBuffer<'a> {
     pub first_byte: u64,
 }
 
-/// `MeshLayout` of `build/corners`.
+/// `MeshLayout` of `build/scene/corners`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct MeshLayout {
@@ -241,7 +241,7 @@ impl Primitives {
         let layout = MeshLayout { first_triangle, first_fault: 2 * number, ..layout };
         build.stage("corners", |dispatches| {
             dispatches.work.clear_range(faults, 2 * number, 2);
-            let kernel = gpu.kernel(wgsl::build::CORNERS, &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::scene::CORNERS, &Variant::none())?;
             let uniform = gpu.uniform("mesh layout", &layout)?;
             let bound: [NamedBinding<'_>; 5] = [
                 ("mesh_layout", &uniform),

@@ -61,11 +61,11 @@ impl Sorter {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let tiled = tiled();
         Ok(Self {
-            number: gpu.kernel(wgsl::build::ITEM_INDICES, &Variant::none())?,
-            count: gpu.kernel(wgsl::build::SORT_COUNT, &tiled)?,
-            scan: gpu.kernel(wgsl::build::SORT_SCAN, &tiled)?,
-            scatter: gpu.kernel(wgsl::build::SORT_SCATTER, &tiled)?,
-            gather: gpu.kernel(wgsl::build::GATHER, &Variant::none())?,
+            number: gpu.kernel(wgsl::build::sort::ITEM_INDICES, &Variant::none())?,
+            count: gpu.kernel(wgsl::build::sort::COUNT, &tiled)?,
+            scan: gpu.kernel(wgsl::build::sort::SCAN, &tiled)?,
+            scatter: gpu.kernel(wgsl::build::sort::SCATTER, &tiled)?,
+            gather: gpu.kernel(wgsl::build::sort::GATHER, &Variant::none())?,
         })
     }
 
@@ -180,10 +180,10 @@ pub(super) fn prefix_sums(
     let digit = gpu.uniform("digit", &Digit { n_keys: end, n_tiles, shift: 0 })?;
     let bound: [NamedBinding<'_>; 5] =
         [("digit", &digit), ("values", values), ("counts", &counts), ("totals", &totals), ("prefixes", prefixes)];
-    dispatches.tiles(&*gpu.kernel(wgsl::build::TILE_SUMS, &tiled())?, &bound, tiles)?;
+    dispatches.tiles(&*gpu.kernel(wgsl::build::sort::TILE_SUMS, &tiled())?, &bound, tiles)?;
     if n_tiles > 0 {
         // One row of sums.
-        dispatches.work.dispatch(&*gpu.kernel(wgsl::build::SORT_SCAN, &tiled())?, &bound, [1, 1, 1])?;
+        dispatches.work.dispatch(&*gpu.kernel(wgsl::build::sort::SCAN, &tiled())?, &bound, [1, 1, 1])?;
     }
-    dispatches.tiles(&*gpu.kernel(wgsl::build::TILE_PREFIXES, &tiled())?, &bound, tiles)
+    dispatches.tiles(&*gpu.kernel(wgsl::build::sort::TILE_PREFIXES, &tiled())?, &bound, tiles)
 }

@@ -119,7 +119,7 @@ fn coded(chosen: Variant, bits: Bits) -> Variant {
 /// # Errors
 /// Out of memory, or device lost.
 pub fn domain(build: &mut BuildEncoder<'_>, primitives: &Primitives, bits: Bits) -> Result<Buffer<Grid>, GpuError> {
-    /// Primitives per work-group, as in `build/bounds.wgsl`.
+    /// Primitives per work-group, as in `build/morton/bounds.wgsl`.
     const TILE: u32 = 512;
     let gpu = build.gpu();
     let n_trees = primitives.ranges().len();
@@ -127,9 +127,9 @@ pub fn domain(build: &mut BuildEncoder<'_>, primitives: &Primitives, bits: Bits)
     let domains = gpu.zeroed("domains", n_trees)?;
     let bound = primitives.bound(&[("bounds", &bounds), ("domains", &domains)]);
     build.stage("domain", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::BOUNDS, &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::morton::BOUNDS, &primitives.part())?;
         dispatches.tiles(&kernel, &bound, [0, primitives.len().div_ceil(TILE)])?;
-        let kernel = gpu.kernel(wgsl::build::DOMAIN, &coded(primitives.part(), bits))?;
+        let kernel = gpu.kernel(wgsl::build::morton::DOMAIN, &coded(primitives.part(), bits))?;
         dispatches.items(&kernel, &bound, count(n_trees))
     })?;
     Ok(domains)
@@ -150,7 +150,7 @@ pub fn codes(
     let mut bound = primitives.bound(&codes.bound("codes_low", "codes_high"));
     bound.push(("domains", domains));
     build.stage("codes", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::CODES, &coded(primitives.part(), bits))?;
+        let kernel = gpu.kernel(wgsl::build::morton::CODES, &coded(primitives.part(), bits))?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(codes)
@@ -183,7 +183,7 @@ fn trees_of(build: &mut BuildEncoder<'_>, primitives: &Primitives) -> Result<Buf
     let trees = gpu.zeroed("trees of primitives", primitives.len() as usize)?;
     let bound = primitives.bound(&[("tree_indices", &trees)]);
     build.stage("sort", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::TREE_INDICES, &Variant::none())?;
+        let kernel = gpu.kernel(wgsl::build::topology::TREE_INDICES, &Variant::none())?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(trees)
@@ -202,7 +202,7 @@ pub fn tree(build: &mut BuildEncoder<'_>, primitives: &Primitives, sorted: &Code
     let made: [NamedBinding<'_>; 2] = [("nodes", &trees.nodes), ("parents", &trees.parents)];
     bound.extend(made);
     build.stage("tree", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::TREE, &coded(Variant::none(), sorted.bits()))?;
+        let kernel = gpu.kernel(wgsl::build::topology::TREE, &coded(Variant::none(), sorted.bits()))?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     depths(build, primitives, &trees)?;
@@ -215,7 +215,7 @@ pub(super) fn depths(build: &mut BuildEncoder<'_>, primitives: &Primitives, tree
     let bound: [NamedBinding<'_>; 3] =
         [("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
     build.stage("tree", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::HEIGHTS, &Variant::none())?;
+        let kernel = gpu.kernel(wgsl::build::topology::HEIGHTS, &Variant::none())?;
         dispatches.items(&kernel, &bound, primitives.len())
     })
 }

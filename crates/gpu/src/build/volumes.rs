@@ -33,7 +33,7 @@ pub fn aabbs(
     let aabbs = gpu.zeroed("axis-aligned boxes", primitives.len() as usize)?;
     let bound = primitives.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", &aabbs)]);
     build.stage("aabb", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::AABBS, &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::volumes::AABBS, &primitives.part())?;
         dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(aabbs)
@@ -73,7 +73,7 @@ pub async fn obbs(
         ("obbs", &obbs),
     ]);
     build.stage("obb", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::MERGE, &primitives.part().with(rule))?;
+        let kernel = gpu.kernel(wgsl::build::volumes::MERGE, &primitives.part().with(rule))?;
         schedule.dispatch(dispatches, &kernel, &bound)
     })?;
     Ok(obbs)
@@ -106,7 +106,7 @@ pub(super) async fn unbounded(
             ("node_moments", &moments),
         ];
         let bound = primitives.bound(&more);
-        let kernel = gpu.kernel(wgsl::build::MOMENTS, &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::volumes::MOMENTS, &primitives.part())?;
         schedule.dispatch(dispatches, &kernel, &bound)?;
         let more: [NamedBinding<'_>; 5] = [
             ("parents", &trees.parents),
@@ -115,11 +115,11 @@ pub(super) async fn unbounded(
             ("ends", &ends),
             ("frames", &obbs),
         ];
-        let kernel = gpu.kernel(wgsl::build::POINT_EXTENTS, &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::volumes::POINT_EXTENTS, &primitives.part())?;
         dispatches.items(&kernel, &primitives.bound(&more), n)?;
         let more: [NamedBinding<'_>; 5] =
             [("nodes", &trees.nodes), ("leaves", leaves), ("ends", &ends), ("aabbs", aabbs), ("obbs", &obbs)];
-        let kernel = gpu.kernel(wgsl::build::POINT_BOXES, &primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::volumes::POINT_BOXES, &primitives.part())?;
         dispatches.items(&kernel, &primitives.bound(&more), n)
     })?;
     Ok(obbs)
@@ -167,10 +167,10 @@ pub(super) fn dop(
     let obbs = gpu.zeroed("oriented boxes", n as usize)?;
     let ends = gpu.zeroed::<[f32; 6]>("extents along a frame", n as usize)?;
     build.stage("obb", |dispatches| {
-        let axis_aligned = gpu.kernel(wgsl::build::AXIS_ALIGNED, &Variant::none())?;
+        let axis_aligned = gpu.kernel(wgsl::build::volumes::AXIS_ALIGNED, &Variant::none())?;
         dispatches.items(&axis_aligned, &[("aabbs", aabbs), ("obbs", &obbs)], n)?;
-        let extents = gpu.kernel(wgsl::build::DOP_EXTENTS, &primitives.part())?;
-        let boxes = gpu.kernel(wgsl::build::DOP_BOXES, &primitives.part())?;
+        let extents = gpu.kernel(wgsl::build::volumes::DOP_EXTENTS, &primitives.part())?;
+        let boxes = gpu.kernel(wgsl::build::volumes::DOP_BOXES, &primitives.part())?;
         // The first frame is the identity.
         for frame in &frames()[1..] {
             let fixed = gpu.uniform("frame", &FixedFrame::new(frame))?;
@@ -230,7 +230,7 @@ impl Schedule {
         let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;
         let bound: [NamedBinding<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
         build.stage("levels", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::LEVELS, &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::volumes::LEVELS, &Variant::none())?;
             dispatches.items(&kernel, &bound, count(order.len()))
         })?;
         let levels = if build.is_recorded() {
@@ -278,7 +278,7 @@ impl Levels {
         let groups = gpu.indirect::<[u32; 3]>("work-groups of levels", HEIGHTS)?;
         let bound: [NamedBinding<'_>; 3] = [("ends", ends), ("slices", &slices), ("groups", &groups)];
         build.stage("levels", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::LEVEL_SLICES, &Variant::none())?;
+            let kernel = gpu.kernel(wgsl::build::volumes::LEVEL_SLICES, &Variant::none())?;
             dispatches.items(&kernel, &bound, count(HEIGHTS))
         })?;
         Ok(Self::There { slices, groups, n_heights: trees.max_height.min(count(HEIGHTS) - 1) })

@@ -162,7 +162,7 @@ fn put_triangles(
     let gpu = build.gpu();
     let bound = built.primitives.bound(&[("leaves", &built.leaves), ("wide_triangles", triangles)]);
     build.stage("wide triangles", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::WIDE_TRIANGLES, &Variant::none())?;
+        let kernel = gpu.kernel(wgsl::build::wide::TRIANGLES, &Variant::none())?;
         dispatches.range(&kernel, &bound, built.primitives.of_trees(trees))
     })
 }
@@ -184,7 +184,7 @@ const N_NEAR: u32 = 12;
 /// Most nodes of an invocation. Each takes about 44 turns of loops, and some drivers end loops of 65,535.
 const NODES_EACH: u32 = 1000;
 
-/// `Level` of `build/wide_levels`.
+/// `Level` of `build/wide/levels`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct QueueLevel {
@@ -290,12 +290,12 @@ impl CollapsedLevel {
             let chosen = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
             if let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) {
                 let bound = [&bound[..], &[("obbs", obbs)]].concat();
-                dispatches.range(&*gpu.kernel(wgsl::build::WIDE_KINDS, &chosen)?, &bound, range)?;
+                dispatches.range(&*gpu.kernel(wgsl::build::wide::KINDS, &chosen)?, &bound, range)?;
             }
             prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
-            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_SLOTS, &chosen)?, &bound, range)?;
+            dispatches.range(&*gpu.kernel(wgsl::build::wide::SLOTS, &chosen)?, &bound, range)?;
             let chosen = built.primitives.part().number(Number::MaxLeaf, self.capacity.max_leaf);
-            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_CHILDREN, &chosen)?, &bound, self.capacity.units(trees))
+            dispatches.range(&*gpu.kernel(wgsl::build::wide::CHILDREN, &chosen)?, &bound, self.capacity.units(trees))
         })
     }
 
@@ -326,10 +326,10 @@ impl CollapsedLevel {
         build.stage("wide nodes", |dispatches| {
             let max_leaf = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
             let chosen = built.primitives.part().number(Number::MaxLeaf, self.capacity.max_leaf);
-            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_NODES, &chosen)?, &bound, units)?;
+            dispatches.range(&*gpu.kernel(wgsl::build::wide::NODES, &chosen)?, &bound, units)?;
             let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) else { return Ok(()) };
             bound.push(("obbs", obbs));
-            dispatches.range(&*gpu.kernel(wgsl::build::WIDE_ORIENTED, &max_leaf)?, &bound, units)
+            dispatches.range(&*gpu.kernel(wgsl::build::wide::ORIENTED, &max_leaf)?, &bound, units)
         })
     }
 }
@@ -373,7 +373,7 @@ impl<'a> Search<'a> {
     fn levels(&mut self, build: &mut BuildEncoder<'_>, n_levels: u32) -> Result<(), GpuError> {
         let gpu = build.gpu();
         let chosen = Variant::none().number(Number::MaxLeaf, self.target.capacity.max_leaf);
-        let kernel = gpu.kernel(wgsl::build::WIDE_LEVELS, &chosen)?;
+        let kernel = gpu.kernel(wgsl::build::wide::LEVELS, &chosen)?;
         build.stage("collapse", |dispatches| {
             for _ in 0..n_levels {
                 let level = self.level;

@@ -219,7 +219,7 @@ pub(super) fn check_same_counts(found: &[u32], before: &[u32]) -> Result<(), Gpu
     Err(GpuError::Input { message })
 }
 
-/// `HeaderScale` of `build/headers`.
+/// `HeaderScale` of `build/scene/headers`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct HeaderScale {
@@ -248,7 +248,7 @@ pub(super) fn put_headers(
     let more: [NamedBinding<'_>; 3] = [("aabbs", &built.aabbs), ("headers", headers), ("header_scale", &scale)];
     let bound = built.primitives.bound(&more);
     build.stage("headers", |dispatches| {
-        let kernel = gpu.kernel(wgsl::build::HEADERS, &built.primitives.part())?;
+        let kernel = gpu.kernel(wgsl::build::scene::HEADERS, &built.primitives.part())?;
         dispatches.range(&kernel, &bound, trees)
     })
 }

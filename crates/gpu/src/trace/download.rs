@@ -95,7 +95,7 @@ fn wide(nodes: &[Quad], triangles: &[Quad], header: &BvhHeader) -> Result<Triang
     TriangleBvh::from_raw(&raw, TriangleTest::Watertight).map_err(|error| error.to_string())
 }
 
-/// Binary BVHs as they are in device memory: see `build/pairs`.
+/// Binary BVHs as they are in device memory: see `build/scene/pairs`.
 struct ReadPairs {
     quads: Vec<Quad>,
     corners: Vec<Corners>,

@@ -35,6 +35,6 @@ pub use instances::{MAX_CONDITION, MotionPolynomials};
 pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE, ModuleHit};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
-pub use scene::{HostBvh, TracedScene};
-pub use source::{Options, Source};
+pub use scene::TracedScene;
+pub use source::{HostBvh, Options, Source};
 pub use undecided::Undecided;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! UploadedBvh of each mesh -> upload          -> WideNodes
-//! trees of build::Built  -> build/pairs       -> Pairs
+//! trees of build::Built  -> build/scene/pairs       -> Pairs
 //!                        -> build::WideBvhs   -> WideNodes
 //! ```
 
@@ -275,7 +275,7 @@ impl Nodes {
     }
 }
 
-/// Binary trees in the form that rays traverse: `build/pairs`.
+/// Binary trees in the form that rays traverse: `build/scene/pairs`.
 pub(super) struct Pairs {
     pub(super) pairs: Buffer<Quad>,
     /// Vertices of the triangles.
@@ -285,7 +285,7 @@ pub(super) struct Pairs {
     first_top_node: u32,
 }
 
-/// `Level` of `build/pairs`.
+/// `Level` of `build/scene/pairs`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct TargetLevel {
@@ -336,7 +336,7 @@ impl Pairs {
             ("target_level", &level),
         ]);
         build.stage("pairs", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::PAIRS, &built.primitives.part().with(part))?;
+            let kernel = gpu.kernel(wgsl::build::scene::PAIRS, &built.primitives.part().with(part))?;
             dispatches.range(&kernel, &bound, primitives)
         })
     }

@@ -5,15 +5,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
-use canted_trace::RoundSegment;
-use canted_wide::{RawBvh, TriangleBvh, WideBvh};
+use canted_wide::RawBvh;
 
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
-use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
+use super::leaf_triangles::UploadedBvh;
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
-use super::source::{Levels, Options, Source};
+use super::source::{HostBvh, Levels, Options, Source};
 use super::tables::{Level, Tables};
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
 use crate::commands::{LONG_LOOP, longest_loop};
@@ -43,59 +42,6 @@ pub struct TracedScene {
     is_exact: bool,
     /// Rays that exact kernels traced.
     pub(super) n_exact_rays: AtomicU64,
-}
-
-/// A BVH that the CPU built, to upload it; references convert into it.
-#[derive(Clone, Copy)]
-pub enum HostBvh<'a> {
-    /// Over triangles.
-    Triangles(&'a TriangleBvh),
-    /// Over round segments.
-    Segments(&'a WideBvh<RoundSegment>),
-}
-
-impl<'a> From<&'a TriangleBvh> for HostBvh<'a> {
-    fn from(bvh: &'a TriangleBvh) -> Self {
-        Self::Triangles(bvh)
-    }
-}
-
-impl<'a> From<&'a WideBvh<RoundSegment>> for HostBvh<'a> {
-    fn from(bvh: &'a WideBvh<RoundSegment>) -> Self {
-        Self::Segments(bvh)
-    }
-}
-
-impl<'a> HostBvh<'a> {
-    fn raw(self) -> RawBvh<'a> {
-        match self {
-            Self::Triangles(bvh) => bvh.raw(),
-            Self::Segments(bvh) => bvh.raw(),
-        }
-    }
-
-    fn bounds(self, words: &RawBvh<'_>) -> MeshBounds {
-        let (aabb, is_of_segments) = match self {
-            Self::Triangles(bvh) => (bvh.aabb(), false),
-            Self::Segments(bvh) => (bvh.aabb(), true),
-        };
-        MeshBounds { reach: words.reach, aabb, is_of_segments }
-    }
-
-    /// The BVH as it is uploaded.
-    fn uploaded<'w>(self, words: &RawBvh<'w>) -> Result<UploadedBvh<'w>, GpuError> {
-        let (bvh, what) = match self {
-            Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words)), "triangles"),
-            Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
-        };
-        let n = bvh.triangles.len();
-        if n > MOST_TRIANGLES {
-            return Err(GpuError::Unsupported {
-                what: format!("a wide BVH with {n} {what} in its leaves, more than 2^26"),
-            });
-        }
-        Ok(bvh)
-    }
 }
 
 impl TracedScene {

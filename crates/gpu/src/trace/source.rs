@@ -2,9 +2,14 @@
 
 use canted_lbvh::Corners;
 use canted_tlas::Instance;
+use canted_trace::RoundSegment;
+use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
+use super::instances::MeshBounds;
+use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
 use super::nodes::DeviceBvh;
-use super::scene::HostBvh;
+use super::octants::by_octants;
+use crate::GpuError;
 
 /// Where the BVHs of a [`TracedScene`](crate::TracedScene) come from, and what is above them.
 ///
@@ -30,6 +35,59 @@ pub enum Source<'a> {
         /// Two levels, of instances by index into `meshes`.
         instances: Option<&'a [Instance]>,
     },
+}
+
+/// A BVH that the CPU built, to upload it; references convert into it.
+#[derive(Clone, Copy)]
+pub enum HostBvh<'a> {
+    /// Over triangles.
+    Triangles(&'a TriangleBvh),
+    /// Over round segments.
+    Segments(&'a WideBvh<RoundSegment>),
+}
+
+impl<'a> From<&'a TriangleBvh> for HostBvh<'a> {
+    fn from(bvh: &'a TriangleBvh) -> Self {
+        Self::Triangles(bvh)
+    }
+}
+
+impl<'a> From<&'a WideBvh<RoundSegment>> for HostBvh<'a> {
+    fn from(bvh: &'a WideBvh<RoundSegment>) -> Self {
+        Self::Segments(bvh)
+    }
+}
+
+impl<'a> HostBvh<'a> {
+    pub(super) fn raw(self) -> RawBvh<'a> {
+        match self {
+            Self::Triangles(bvh) => bvh.raw(),
+            Self::Segments(bvh) => bvh.raw(),
+        }
+    }
+
+    pub(super) fn bounds(self, words: &RawBvh<'_>) -> MeshBounds {
+        let (aabb, is_of_segments) = match self {
+            Self::Triangles(bvh) => (bvh.aabb(), false),
+            Self::Segments(bvh) => (bvh.aabb(), true),
+        };
+        MeshBounds { reach: words.reach, aabb, is_of_segments }
+    }
+
+    /// The BVH as it is uploaded.
+    pub(super) fn uploaded<'w>(self, words: &RawBvh<'w>) -> Result<UploadedBvh<'w>, GpuError> {
+        let (bvh, what) = match self {
+            Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words)), "triangles"),
+            Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
+        };
+        let n = bvh.triangles.len();
+        if n > MOST_TRIANGLES {
+            return Err(GpuError::Unsupported {
+                what: format!("a wide BVH with {n} {what} in its leaves, more than 2^26"),
+            });
+        }
+        Ok(bvh)
+    }
 }
 
 /// What a [`TracedScene`](crate::TracedScene) is told besides its [`Source`].

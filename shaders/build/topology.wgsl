@@ -1,3 +1,22 @@
+// Binary radix trees over sorted codes, and what belongs to their nodes.
+
+// part tree_indices
+// Sort, only where there are several trees.
+// Writes: the tree of each item, which is the most significant word of its key.
+// use shared/build/slice
+// use shared/build/tree/forest
+
+@group(0) @binding(1) var<storage, read_write> tree_indices: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let item = slice_item(id, 64u);
+    if item < slice.end {
+        tree_indices[item] = tree_of(item);
+    }
+}
+
+// part tree
 // Radix tree.
 // Reads: sorted codes.
 // Writes: one inner node for each leaf but the last of a tree, and parents.
@@ -83,4 +102,77 @@ fn main(id: Invocation) {
     );
     parents[select(split, n_slots + split, left_is_leaf)] = slot;
     parents[select(split + 1u, n_slots + split + 1u, right_is_leaf)] = slot;
+}
+
+// part heights
+// Tree heights, bottom-up.
+// Reads: parents.
+// Writes: the height of each inner node in nodes, including the leaf, and the maximum over all nodes.
+// Holds: the atomic word that identifies the second child also carries the height, so no other memory must be visible with it.
+// 0 means that no child has arrived.
+// use shared/build/slice
+// use shared/build/tree
+
+@group(0) @binding(1) var<storage, read> parents: array<u32>;
+@group(0) @binding(2) var<storage, read_write> heights: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read_write> depth: atomic<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let leaf = slice_item(id, 64u);
+    if leaf >= slice.end {
+        return;
+    }
+    var height = 1u;
+    var node = parents[arrayLength(&parents) / 2u + leaf];
+    while node != NONE {
+        let sibling = atomicExchange(&heights[node], height);
+        if sibling == 0u {
+            return;
+        }
+        height = 1u + max(height, sibling);
+        atomicStore(&heights[node], height);
+        node = parents[node];
+    }
+    atomicMax(&depth, height);
+}
+
+// part adopt
+// A tree that was built on its own takes the place of a tree of a level.
+// Reads: nodes, parents and leaves, which are numbered from 0.
+// Writes: the same, numbered over all trees of the level.
+// use shared/build/slice
+// use shared/build/tree
+
+struct Place {
+    /// First item of the tree among those of the level.
+    first: u32,
+}
+
+@group(0) @binding(1) var<uniform> place: Place;
+@group(0) @binding(2) var<storage, read> own_nodes: array<Node>;
+@group(0) @binding(3) var<storage, read> own_parents: array<u32>;
+@group(0) @binding(4) var<storage, read> own_leaves: array<u32>;
+@group(0) @binding(5) var<storage, read_write> nodes: array<Node>;
+@group(0) @binding(6) var<storage, read_write> parents: array<u32>;
+@group(0) @binding(7) var<storage, read_write> leaves: array<u32>;
+
+/// A parent among the nodes of the level.
+fn moved(parent: u32) -> u32 {
+    return select(place.first + parent, NONE, parent == NONE);
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let item = slice_item(id, 64u);
+    if item >= slice.end {
+        return;
+    }
+    let slot = place.first + item;
+    let node = own_nodes[item];
+    // The highest bit of a leaf stays.
+    nodes[slot] = Node(node.left + place.first, node.right + place.first, node.first + place.first, node.last + place.first);
+    parents[slot] = moved(own_parents[item]);
+    parents[arrayLength(&parents) / 2u + slot] = moved(own_parents[arrayLength(&own_parents) / 2u + item]);
+    leaves[slot] = own_leaves[item] + place.first;
 }

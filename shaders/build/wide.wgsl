@@ -1,0 +1,374 @@
+// Eight-wide BVHs from binary trees, with all their dispatches.
+
+// part levels
+// Wide nodes of one level of a BVH, from the nodes of the level above.
+// Reads: binary tree, boxes, the wide nodes of this level as slots of their binary nodes.
+// Writes: the size of an aligned node for each wide node by slot, except for roots; the wide nodes of the next level, in any order.
+// Holds: which nodes are wide does not depend on the order of atomics.
+// use shared/build/wide
+// use shared/build/wide_word
+
+struct Level {
+    /// Number of levels above.
+    level: u32,
+    /// Wide nodes of the first level.
+    n_first: u32,
+    /// Number of invocations: `i` handles the nodes `i`, `i + n_invocations` and so on.
+    n_invocations: u32,
+}
+
+@group(0) @binding(3) var<uniform> wide_level: Level;
+@group(0) @binding(4) var<storage, read> queue_in: array<u32>;
+@group(0) @binding(5) var<storage, read_write> queue_out: array<u32>;
+/// Wide nodes of each level.
+@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> units: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let first = slice_item(id, 64u);
+    var n = wide_level.n_first;
+    if wide_level.level > 0u {
+        n = atomicLoad(&counts[wide_level.level]);
+    }
+    if first >= slice.end {
+        return;
+    }
+    for (var i = first; i < n; i += wide_level.n_invocations) {
+        open(queue_in[i]);
+    }
+}
+
+/// Finds the children of a wide node, and those of them that are wide nodes of the next level.
+fn open(slot: u32) {
+    let children = children_of(slot);
+    if wide_level.level > 0u {
+        units[slot] = ALIGNED;
+    }
+    for (var child = 0u; child < children.n; child++) {
+        if !is_leaf(children.words[child]) {
+            let at = atomicAdd(&counts[wide_level.level + 1u], 1u);
+            queue_out[at] = children.words[child];
+        }
+    }
+}
+
+// part kinds
+// The kind of each wide node but roots, as its size in memory. Without this pass all nodes are aligned.
+//
+// A node is oriented where that lowers the predicted cost: what its test costs more, for rays that enter its own box, is less than
+// what the smaller boxes of its children save. Costs are those of `canted_wide::Costs`.
+// Reads: binary tree, aligned and oriented boxes, triangles, which binary nodes are wide ones.
+// Writes: sizes of wide nodes by slot.
+// use shared/build/wide
+// use shared/build/wide_word
+// use shared/volumes/item/triangles
+// use shared/build/length
+
+@group(0) @binding(3) var<storage, read_write> units: array<u32>;
+@group(0) @binding(4) var<storage, read> leaves: array<u32>;
+/// Fifteen floats per inner node: center, three axes, half-extents.
+@group(0) @binding(5) var<storage, read> obbs: array<f32>;
+
+/// Cost of an oriented node beyond that of an aligned one, which is 1, and of a leaf.
+const MORE_FOR_ORIENTED: f32 = 1.2;
+const LEAF_COST: f32 = 1.92;
+
+/// Half the surface areas of a child's boxes: aligned, oriented.
+fn areas_of(child: u32) -> vec2<f32> {
+    if (child & LEAF) != 0u {
+        let item = leaves[child & ~LEAF];
+        let a = corner(item, 0u);
+        let b = corner(item, 1u);
+        let c = corner(item, 2u);
+        // A flat box in the plane of the triangle, along its longest edge.
+        return vec2<f32>(half_area_of(min(min(a, b), c), max(max(a, b), c)), length_of(cross(b - a, c - a)));
+    }
+    let at = 6u * child;
+    let low = vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);
+    let high = vec3<f32>(aabbs[at + 3u], aabbs[at + 4u], aabbs[at + 5u]);
+    let half = vec3<f32>(obbs[15u * child + 12u], obbs[15u * child + 13u], obbs[15u * child + 14u]);
+    return vec2<f32>(half_area_of(low, high), 4.0 * (half.x * half.y + half.y * half.z + half.z * half.x));
+}
+
+fn kind_of(slot: u32, children: Children) -> u32 {
+    // Which box the parent stores is not known here; that of the binary tree is.
+    var gain = -MORE_FOR_ORIENTED * areas_of(slot).x;
+    for (var child = 0u; child < children.n; child++) {
+        let areas = areas_of(children.words[child]);
+        gain += (areas.x - areas.y) * select(1.0, LEAF_COST, is_leaf(children.words[child]));
+    }
+    return select(ALIGNED, ORIENTED, gain > 0.0);
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
+    if slot < slice.end && units[slot] != 0u {
+        units[slot] = kind_of(slot, children_of(slot));
+    }
+}
+
+// part slots
+// The order of wide nodes in memory: each tree has room of its own, in which the root comes first, then all others by the slots of
+// their binary nodes.
+// Reads: sizes of wide nodes, their prefix sums, the first unit of each tree.
+// Writes: the word of each wide node by slot; the slot of each wide node by its first unit, plus one.
+// use shared/build/slice
+// use shared/build/wide_word
+// use shared/build/tree/forest
+// const MAX_LEAF
+
+@group(0) @binding(1) var<storage, read> units: array<u32>;
+@group(0) @binding(2) var<storage, read> prefixes: array<u32>;
+/// The first unit of each tree, and the end.
+@group(0) @binding(3) var<storage, read> first_units: array<u32>;
+@group(0) @binding(4) var<storage, read_write> wide_words: array<u32>;
+@group(0) @binding(5) var<storage, read_write> wide_slots: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
+    if slot >= slice.end {
+        return;
+    }
+    let tree = tree_of(slot);
+    let range = ranges[tree];
+    let is_root = slot == range.first && range.count > MAX_LEAF;
+    if !is_root && units[slot] == 0u {
+        return;
+    }
+    // A root has no size of its own.
+    let place = first_units[tree] + select(1u + prefixes[slot] - prefixes[range.first], 0u, is_root);
+    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, units[slot] == ORIENTED);
+    wide_slots[place] = slot + 1u;
+}
+
+// part children
+// The children of each wide node, which stay the same while only boxes change, in the order of shared/certain: child `i` toward the corner that is
+// high along axis `k` where bit `k` of `i` is set.
+//
+// The children are halved at the median of their centers, along the axis where these spread most first, and each half along the next axis. All is done with
+// integers, so the order is the same on every device, and each child has a place of its own whatever its numbers are.
+// Reads: binary tree, boxes, items, the order of wide nodes.
+// Writes: eight words for each wide node, as in `Node`, by its first unit; `NONE` where there is no child.
+// use shared/build/wide/box
+
+@group(0) @binding(4) var<storage, read> wide_slots: array<u32>;
+@group(0) @binding(5) var<storage, read_write> wide_children: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let unit = slice_item(id, 64u);
+    if unit >= slice.end || wide_slots[unit] == 0u {
+        return;
+    }
+    let children = children_of(wide_slots[unit] - 1u);
+    let places = places_of(children);
+    for (var place = 0u; place < WIDTH; place++) {
+        wide_children[WIDTH * unit + place] = NONE;
+    }
+    for (var child = 0u; child < children.n; child++) {
+        wide_children[WIDTH * unit + places[child]] = children.words[child];
+    }
+}
+
+/// The place of each child.
+fn places_of(children: Children) -> array<u32, WIDTH> {
+    var centers: array<vec3<u32>, WIDTH>;
+    var least = vec3<u32>(0xffffffffu);
+    var greatest = vec3<u32>(0u);
+    for (var child = 0u; child < children.n; child++) {
+        centers[child] = center_of(children.words[child]);
+        least = min(least, centers[child]);
+        greatest = max(greatest, centers[child]);
+    }
+    let spread = number_of(greatest) - number_of(least);
+    let length = vec3<u32>(whole(spread.x), whole(spread.y), whole(spread.z));
+    // The number of axes before x and before y.
+    let before_x = u32(length.y > length.x) + u32(length.z > length.x);
+    let before_y = u32(length.x >= length.y) + u32(length.z > length.y);
+    var places: array<u32, WIDTH>;
+    for (var step = 0u; step < 3u; step++) {
+        let axis = select(select(2u, 1u, before_y == step), 0u, before_x == step);
+        let open = places;
+        for (var child = 0u; child < children.n; child++) {
+            var n_together = 0u;
+            var n_lower = 0u;
+            for (var other = 0u; other < children.n; other++) {
+                if open[other] == open[child] {
+                    let a = centers[other][axis];
+                    let b = centers[child][axis];
+                    n_together += 1u;
+                    n_lower += u32(a < b || (a == b && other < child));
+                }
+            }
+            places[child] |= select(0u, 1u << axis, 2u * n_lower >= n_together);
+        }
+    }
+    return places;
+}
+
+/// Twice the center of a child's box, as integers with the order of the numbers.
+fn center_of(child: u32) -> vec3<u32> {
+    let box = box_of(child);
+    let low = bitcast<vec3<f32>>(vec3<u32>(box[0], box[1], box[2]));
+    let high = bitcast<vec3<f32>>(vec3<u32>(box[3], box[4], box[5]));
+    let sum = low + high;
+    return vec3<u32>(whole(sum.x), whole(sum.y), whole(sum.z));
+}
+
+/// An integer with the order of the numbers. Devices may round what is below the normal numbers to zero, of either sign.
+fn whole(x: f32) -> u32 {
+    let bits = bitcast<u32>(x);
+    return ordered(select(bits, 0u, (bits & 0x7f800000u) == 0u));
+}
+
+fn number_of(keys: vec3<u32>) -> vec3<f32> {
+    return bitcast<vec3<f32>>(vec3<u32>(unordered(keys.x), unordered(keys.y), unordered(keys.z)));
+}
+
+// part nodes
+// Wide nodes that are aligned with the axes, in the layout of shared/bvh/node.
+// Reads: binary tree, boxes, items, the order of wide nodes and their children.
+// Writes: one node for each.
+// Holds: boxes are copies of coordinates.
+// use shared/build/wide_target
+// use shared/build/wide/box
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let unit = slice_item(id, 64u);
+    if unit >= slice.end || !is_node(unit, false) {
+        return;
+    }
+    let at = UNIT_WORDS * (target_level.first_unit + unit);
+    for (var child = 0u; child < WIDTH; child++) {
+        var word = EMPTY;
+        var box = array<u32, 6>(NOWHERE, NOWHERE, NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE);
+        let found = wide_children[WIDTH * unit + child];
+        if found != NONE {
+            word = word_of(found);
+            box = box_of(found);
+        }
+        for (var k = 0u; k < 3u; k++) {
+            wide_nodes[at + 16u * k + child] = box[k];
+            wide_nodes[at + 16u * k + 8u + child] = box[k + 3u];
+        }
+        wide_nodes[at + 48u + child] = word;
+    }
+}
+
+// part oriented
+// Wide nodes with a frame for each child, in the layout of shared/bvh, `node_kinds`.
+//
+// # Half-extents
+// A slab as in shared/build/pair/obb holds all points of the box, about the box's center. The node stores the
+// coordinate of the center along the axis, a dot product that errs by 3 E of its absolute terms, less than 4 E as computed; the
+// half-extent grows by as much.
+// Reads: binary tree, oriented boxes, triangles, the order of wide nodes and their children.
+// Writes: one node for each that is oriented.
+// use shared/build/wide_target
+// use shared/volumes/frame
+// use shared/volumes/slab
+// use shared/volumes/item/triangles
+
+/// Fifteen floats per inner node: center, three axes, half-extents.
+@group(0) @binding(9) var<storage, read> obbs: array<f32>;
+
+fn three_of(first: u32) -> vec3<f32> {
+    return vec3<f32>(obbs[first], obbs[first + 1u], obbs[first + 2u]);
+}
+
+/// A box around a child.
+fn box_of(child: u32) -> Box {
+    if (child & LEAF) == 0u {
+        let at = 15u * child;
+        let frame = mat3x3<f32>(three_of(at + 3u), three_of(at + 6u), three_of(at + 9u));
+        return Box(three_of(at), frame, three_of(at + 12u));
+    }
+    let item = leaves[child & ~LEAF];
+    let content = item_content(item);
+    let size = length_1(content.columns[1] - content.columns[0]) + length_1(content.columns[2] - content.columns[0]);
+    if size > 1e-30 {
+        let box = enclosed(triangle_axes(content.columns, size), content, content);
+        // A rejected frame gives negative half-extents.
+        if all(box.half_extents >= vec3(0.0)) {
+            return box;
+        }
+    }
+    let columns = content.columns;
+    return box_from_aabb(min(min(columns[0], columns[1]), columns[2]), max(max(columns[0], columns[1]), columns[2]));
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let unit = slice_item(id, 64u);
+    if unit >= slice.end || !is_node(unit, true) {
+        return;
+    }
+    let at = UNIT_WORDS * (target_level.first_unit + unit);
+    for (var child = 0u; child < WIDTH; child++) {
+        let found = wide_children[WIDTH * unit + child];
+        if found == NONE {
+            put_nothing(at + child);
+            continue;
+        }
+        let box = box_of(found);
+        for (var k = 0u; k < 3u; k++) {
+            let slab = slab_of(box.frame, box.half_extents, k);
+            let axis = slab.xyz;
+            let half = slab.w + 4.0 * ROUNDING * dot(abs(axis), abs(box.center));
+            let row = at + 40u * k + child;
+            wide_nodes[row] = bitcast<u32>(axis.x);
+            wide_nodes[row + 8u] = bitcast<u32>(axis.y);
+            wide_nodes[row + 16u] = bitcast<u32>(axis.z);
+            wide_nodes[row + 24u] = bitcast<u32>(dot(axis, box.center));
+            wide_nodes[row + 32u] = bitcast<u32>(half * (1.0 + 2.0 * ROUNDING));
+        }
+        wide_nodes[at + 120u + child] = word_of(found);
+    }
+}
+
+/// An empty slot.
+fn put_nothing(at: u32) {
+    for (var k = 0u; k < 3u; k++) {
+        for (var row = 0u; row < 4u; row++) {
+            wide_nodes[at + 40u * k + 8u * row] = 0u;
+        }
+        wide_nodes[at + 40u * k + 32u] = MINUS_NOWHERE;
+    }
+    wide_nodes[at + 120u] = EMPTY;
+}
+
+// part triangles
+// Triangles of wide BVHs, in the layout of shared/triangle/records.
+// Reads: items.
+// Writes: vertices and number of the triangle of each leaf position.
+// Holds: coordinates are copies, but for triangles without area, which nothing hits. A leaf names the position of its first triangle.
+// use shared/build/slice
+// use shared/build/tree/forest
+// use shared/exact/flat
+
+@group(0) @binding(3) var<storage, read> leaves: array<u32>;
+@group(0) @binding(4) var<storage, read_write> wide_triangles: array<vec4<u32>>;
+/// Nine words per triangle.
+@group(1) @binding(0) var<storage, read> corners: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let position = slice_item(id, 64u);
+    if position >= slice.end {
+        return;
+    }
+    let item = leaves[position];
+    var words: array<u32, 9>;
+    for (var row = 0u; row < 9u; row++) {
+        words[row] = corners[9u * item + row];
+    }
+    words = flat_as_edge(words);
+    let number = item - ranges[tree_of(item)].first;
+    wide_triangles[3u * position] = vec4<u32>(words[0], words[1], words[2], number);
+    wide_triangles[3u * position + 1u] = vec4<u32>(words[3], words[4], words[5], 0u);
+    wide_triangles[3u * position + 2u] = vec4<u32>(words[6], words[7], words[8], 0u);
+}

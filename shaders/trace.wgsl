@@ -1,0 +1,156 @@
+// Queries of batches of rays.
+
+// part closest
+// The closest hit of each ray.
+// use ?traverse
+// use shared/invocation/index
+
+/// The instance of a hit also encodes a miss and an incomplete traversal.
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+@group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
+    if index >= arrayLength(&rays) {
+        return;
+    }
+    var hit = closest_hit(rays[index]);
+    if is_incomplete {
+        hit.instance = INCOMPLETE;
+    }
+    hits[index] = hit;
+}
+
+// part occluded
+// Whether each ray hits anything.
+// use ?traverse
+// use shared/invocation/index
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+/// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
+@group(1) @binding(1) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
+    if index >= arrayLength(&rays) {
+        return;
+    }
+    let is_hit = occluded(rays[index]);
+    found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
+}
+
+// part certain_closest
+// The triangle that each ray hits first, where f32 decides it, and a list of the other rays. `trace/certain_weights` completes the hits,
+// `trace/listed_closest` traces the listed rays.
+// use shared/certain
+// use shared/undecided/found
+// use shared/invocation/index
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
+    if index >= arrayLength(&rays) {
+        return;
+    }
+    let is_certain = is_certain_hit(rays[index], false);
+    let is_hit = is_certain && best_number != NONE;
+    hits[index] = Found(best_at, 0u, 0u, best_number, select(NONE, best_instance, is_hit));
+    if !is_certain {
+        list(index);
+    }
+}
+
+// part certain_weights
+// `t` and weights of the hits of `trace/certain_closest`, with the bits of the exact kernels. They are apart from the loop, which is shorter so.
+// use shared/triangle/records
+// use ?weights
+// use shared/undecided/found
+// use ?level
+// use shared/invocation/index
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
+    if index >= arrayLength(&rays) || hits[index].instance == NONE {
+        return;
+    }
+    let found = hits[index];
+    enter_instance(rays[index], found.instance);
+    let hit = placed(completed(index, found));
+    let numbers = bitcast<vec3<u32>>(vec3<f32>(hit.t, hit.u, hit.v));
+    hits[index] = Found(numbers.x, numbers.y, numbers.z, hit.primitive, hit.instance);
+}
+
+// part certain_occluded
+// Whether each ray hits anything, where f32 decides it, and a list of the other rays, which `trace/listed_occluded` traces.
+// use shared/certain
+// use shared/undecided
+// use shared/invocation/index
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+/// 1 for a hit, 0 for a miss.
+@group(1) @binding(1) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
+    if index >= arrayLength(&rays) {
+        return;
+    }
+    let is_certain = is_certain_hit(rays[index], true);
+    found[index] = u32(best_number != NONE);
+    if !is_certain {
+        list(index);
+    }
+}
+
+// part listed_closest
+// The closest hit of each listed ray.
+// use ?traverse
+// use shared/invocation/index
+// use shared/undecided/listed
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+/// The instance of a hit also encodes a miss and an incomplete traversal.
+@group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= listed.n {
+        return;
+    }
+    let index = listed.indices[entry];
+    var hit = closest_hit(rays[index]);
+    if is_incomplete {
+        hit.instance = INCOMPLETE;
+    }
+    hits[index] = hit;
+}
+
+// part listed_occluded
+// Whether each listed ray hits anything.
+// use ?traverse
+// use shared/invocation/index
+// use shared/undecided/listed
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+/// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
+@group(1) @binding(1) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= listed.n {
+        return;
+    }
+    let index = listed.indices[entry];
+    let is_hit = occluded(rays[index]);
+    found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
+}
