@@ -247,6 +247,11 @@ fn invocation(id: Invocation, size: u32) -> u32 {
 
 var<private> iterations: u32;
 
+// part invocation/incomplete
+// Whether a traversal of this invocation stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
+
+var<private> is_incomplete: bool;
+
 // part ray
 // Rays and hits in the layout of the host.
 

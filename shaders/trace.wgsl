@@ -1,9 +1,10 @@
-// Queries of batches of rays.
+// Queries of batches of rays: `?each` is which of the rays a kernel traces.
 
 // part closest
 // The closest hit of each ray.
 // use ?traverse
 // use shared/invocation/index
+// use ?each
 
 /// The instance of a hit also encodes a miss and an incomplete traversal.
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
@@ -11,10 +12,11 @@
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let index = invocation(id, 64u);
-    if index >= arrayLength(&rays) {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
         return;
     }
+    let index = ray_index(entry);
     var hit = closest_hit(rays[index]);
     if is_incomplete {
         hit.instance = INCOMPLETE;
@@ -26,6 +28,7 @@ fn main(id: Invocation) {
 // Whether each ray hits anything.
 // use ?traverse
 // use shared/invocation/index
+// use ?each
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 /// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
@@ -33,29 +36,32 @@ fn main(id: Invocation) {
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let index = invocation(id, 64u);
-    if index >= arrayLength(&rays) {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
         return;
     }
+    let index = ray_index(entry);
     let is_hit = occluded(rays[index]);
     found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
 }
 
 // part certain_closest
 // The triangle that each ray hits first, where f32 decides it, and a list of the other rays. `trace/certain_weights` completes the hits,
-// `trace/listed_closest` traces the listed rays.
+// `trace/closest` traces the listed rays.
 // use shared/certain
 // use shared/undecided/found
 // use shared/invocation/index
+// use ?each
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let index = invocation(id, 64u);
-    if index >= arrayLength(&rays) {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
         return;
     }
+    let index = ray_index(entry);
     let is_certain = is_certain_hit(rays[index], false);
     let is_hit = is_certain && best_number != NONE;
     hits[index] = Found(best_at, 0u, 0u, best_number, select(NONE, best_instance, is_hit));
@@ -71,13 +77,18 @@ fn main(id: Invocation) {
 // use shared/undecided/found
 // use ?level
 // use shared/invocation/index
+// use ?each
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let index = invocation(id, 64u);
-    if index >= arrayLength(&rays) || hits[index].instance == NONE {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
+        return;
+    }
+    let index = ray_index(entry);
+    if hits[index].instance == NONE {
         return;
     }
     let found = hits[index];
@@ -88,10 +99,11 @@ fn main(id: Invocation) {
 }
 
 // part certain_occluded
-// Whether each ray hits anything, where f32 decides it, and a list of the other rays, which `trace/listed_occluded` traces.
+// Whether each ray hits anything, where f32 decides it, and a list of the other rays, which `trace/occluded` traces.
 // use shared/certain
 // use shared/undecided
 // use shared/invocation/index
+// use ?each
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 /// 1 for a hit, 0 for a miss.
@@ -99,10 +111,11 @@ fn main(id: Invocation) {
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let index = invocation(id, 64u);
-    if index >= arrayLength(&rays) {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
         return;
     }
+    let index = ray_index(entry);
     let is_certain = is_certain_hit(rays[index], true);
     found[index] = u32(best_number != NONE);
     if !is_certain {
@@ -110,47 +123,37 @@ fn main(id: Invocation) {
     }
 }
 
-// part listed_closest
-// The closest hit of each listed ray.
-// use ?traverse
-// use shared/invocation/index
-// use shared/undecided/listed
+// choice each/all
+// A kernel traces all rays.
 
-@group(1) @binding(0) var<storage, read> rays: array<Ray>;
-/// The instance of a hit also encodes a miss and an incomplete traversal.
-@group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
-
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let entry = invocation(id, 64u);
-    if entry >= listed.n {
-        return;
-    }
-    let index = listed.indices[entry];
-    var hit = closest_hit(rays[index]);
-    if is_incomplete {
-        hit.instance = INCOMPLETE;
-    }
-    hits[index] = hit;
+fn n_rays() -> u32 {
+    return arrayLength(&rays);
 }
 
-// part listed_occluded
-// Whether each listed ray hits anything.
-// use ?traverse
-// use shared/invocation/index
-// use shared/undecided/listed
+/// The ray of an entry.
+fn ray_index(entry: u32) -> u32 {
+    return entry;
+}
 
-@group(1) @binding(0) var<storage, read> rays: array<Ray>;
-/// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
-@group(1) @binding(1) var<storage, read_write> found: array<u32>;
+// choice each/listed
+// A kernel traces the rays of a list, such as that of `shared/undecided`.
 
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let entry = invocation(id, 64u);
-    if entry >= listed.n {
-        return;
-    }
-    let index = listed.indices[entry];
-    let is_hit = occluded(rays[index]);
-    found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
+/// As `Undecided` there.
+struct Listed {
+    x: u32,
+    y: u32,
+    z: u32,
+    n: u32,
+    indices: array<u32>,
+}
+
+@group(1) @binding(15) var<storage, read> listed: Listed;
+
+fn n_rays() -> u32 {
+    return listed.n;
+}
+
+/// The ray of an entry.
+fn ray_index(entry: u32) -> u32 {
+    return listed.indices[entry];
 }

@@ -207,7 +207,7 @@ fn first_reach(ray: Ray, pixel: u32) -> f32 {
 // part film
 // What is kept of samples: `keep` stores a sample, or adds it to the others of its pixel. All invocations of a work-group call it.
 // use shared/picture
-// use ?traverse
+// use shared/invocation/incomplete
 
 // choice film/samples
 // Stores every sample; the host sums them in f64.

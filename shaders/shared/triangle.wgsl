@@ -213,9 +213,7 @@ fn vertex(at: u32) -> vec3<f32> {
 // use ?mask
 // use ?count
 // use shared/invocation/iterations
-
-/// Whether traversal stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
-var<private> is_incomplete: bool;
+// use shared/invocation/incomplete
 
 /// Whether traversal came to its end. If not, the driver ended a loop early.
 var<private> is_done: bool;

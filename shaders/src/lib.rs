@@ -1,7 +1,7 @@
 //! WGSL kernels for BVH construction, ray tracing and rendering, assembled from parts and checked without a device.
 //!
 //! ```
-//! use canted_shaders::choice::{Count, Level, Mask, NodeKinds, Traverse};
+//! use canted_shaders::choice::{Count, Each, Level, Mask, NodeKinds, Traverse};
 //! use canted_shaders::{Number, Shader, Variant, wgsl};
 //!
 //! let chosen = Variant::none()
@@ -10,6 +10,7 @@
 //!     .with(Level::Single)
 //!     .with(Mask::None)
 //!     .with(Count::None)
+//!     .with(Each::All)
 //!     .number(Number::StackSize, 16)
 //!     .number(Number::MaxIterations, 1 << 18);
 //! let shader = Shader::new(wgsl::trace::CLOSEST, &chosen)?;

@@ -86,10 +86,10 @@ mod tests {
         let all = variants(wgsl::trace::CLOSEST).unwrap();
         let count = |has: &dyn Fn(&Variant) -> bool| all.iter().filter(|chosen| has(chosen)).count();
         for level in [Level::Single, Level::Flat, Level::Instances, Level::Moving] {
-            // With and without counts, and wide BVHs with and without curves.
-            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Aligned)), 4, "{level:?}");
-            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Any)), 4, "{level:?}");
-            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(Volume::Obb)), 2, "{level:?}");
+            // All rays and listed ones, with and without counts, and wide BVHs with and without curves.
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Aligned)), 8, "{level:?}");
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Any)), 8, "{level:?}");
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(Volume::Obb)), 4, "{level:?}");
         }
     }
 }

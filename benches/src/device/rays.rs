@@ -6,7 +6,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_fixtures::Mesh;
 use canted_gpu::{
-    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Options, Source, TracedScene, Undecided, block_on,
+    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Options, RayList, Source, TracedScene, block_on,
     build::{BuildConfig, Topology, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy};
@@ -175,7 +175,7 @@ struct Slice {
 
 impl Slice {
     /// Casts the rays. Returns milliseconds of all dispatches, and the list of rays that exact kernels traced, or none where they traced all.
-    fn cast(&self, gpu: &Gpu, traced: &TracedScene, kind: Kind) -> Result<(f64, Option<Undecided>), GpuError> {
+    fn cast(&self, gpu: &Gpu, traced: &TracedScene, kind: Kind) -> Result<(f64, Option<RayList>), GpuError> {
         let mut commands = gpu.timed_commands();
         let undecided = match kind {
             Kind::Occlusion => traced.record_occluded(gpu, &mut commands, &self.rays, &self.found)?,

@@ -224,7 +224,8 @@ pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, HostBvh, InstancedScene,
-    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Options, Outcome, Source, TracedScene, Undecided,
+    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Options, Outcome, RayList, Source, StreamQueries,
+    TracedScene,
 };
 pub use wait::block_on;
 pub use wgpu::{self, Limits};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use canted_shaders::choice::{Count, Level, Mask, NodeKinds, Traverse, Volume};
+use canted_shaders::choice::{Count, Each, Level, Mask, NodeKinds, Traverse, Volume};
 use canted_shaders::{Number, Shader, Variant, wgsl};
 
 /// The page.
@@ -11,7 +11,7 @@ const PAGE: &str = include_str!("../src/lib.rs");
 /// Kernels that read every buffer, structure and kind of node.
 fn shaders() -> Vec<Shader> {
     let chosen = |level| {
-        let chosen = Variant::none().with(level).with(Mask::None).with(Count::None);
+        let chosen = Variant::none().with(level).with(Mask::None).with(Count::None).with(Each::All);
         chosen.number(Number::MaxIterations, 1000).number(Number::StackSize, 4)
     };
     let wide = |level| chosen(level).with(NodeKinds::Any).with(Traverse::Wide);

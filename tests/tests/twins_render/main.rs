@@ -6,6 +6,7 @@ mod frames;
 mod paths;
 mod raster;
 mod scenes;
+mod streams;
 mod sums;
 
 pub(crate) use canted_tests::device::gpu;
@@ -17,6 +18,7 @@ fn main() -> std::process::ExitCode {
         frames::tests(),
         paths::tests(),
         raster::tests(),
+        streams::tests(),
         sums::tests(),
     ])
 }

@@ -47,7 +47,7 @@ fn settings(integrator: Integrator, samples: u32) -> Settings {
     Settings { width: 21, height: 13, samples, integrator, bounces: 2, ..Settings::default() }
 }
 
-fn monitored<T>(then: impl FnOnce(&Monitor) -> T) -> T {
+pub(super) fn monitored<T>(then: impl FnOnce(&Monitor) -> T) -> T {
     then(&Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) })
 }
 

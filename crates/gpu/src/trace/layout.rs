@@ -235,6 +235,7 @@ mod tests {
             .with(choice::Traverse::Wide)
             .with(choice::Mask::None)
             .with(choice::Count::None)
+            .with(choice::Each::All)
             .number(Number::StackSize, 4)
             .number(Number::MaxIterations, 1000)
     }

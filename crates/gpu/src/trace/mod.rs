@@ -12,7 +12,7 @@ mod layout;
 
 mod leaf_triangles;
 mod octants;
-mod undecided;
+mod ray_list;
 
 mod instances;
 mod nodes;
@@ -24,6 +24,7 @@ mod source;
 mod download;
 mod module;
 mod query;
+mod stream;
 
 mod buffer_scene;
 mod instanced_scene;
@@ -35,6 +36,7 @@ pub use instances::{MAX_CONDITION, MotionPolynomials};
 pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE, ModuleHit};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
+pub use ray_list::RayList;
 pub use scene::TracedScene;
 pub use source::{HostBvh, Options, Source};
-pub use undecided::Undecided;
+pub use stream::StreamQueries;

@@ -9,8 +9,8 @@ use canted_shaders::{Override, ShaderName, Variant, choice, wgsl};
 use canted_trace::{Ray, ScaledRay};
 
 use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
+use super::ray_list::RayList;
 use super::scene::TracedScene;
-use super::undecided::Undecided;
 use crate::commands::AsBinding;
 use crate::wait::Instant;
 use crate::{Buffer, Commands, Gpu, GpuError, Kernel};
@@ -37,7 +37,7 @@ impl TracedScene {
     /// # Errors
     /// The device is lost or does not finish.
     pub async fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
-        let kernels = self.kernels(gpu, &CLOSEST)?;
+        let kernels = self.kernels(gpu, &CLOSEST, choice::Each::All)?;
         let mut answers = Vec::with_capacity(rays.len());
         let incomplete = DeviceHit { t: 0.0, u: 0.0, v: 0.0, primitive: 0, instance: INCOMPLETE };
         self.in_slices(gpu, &kernels, ("hits", incomplete), rays, |slice, hits: Vec<DeviceHit>| {
@@ -56,7 +56,7 @@ impl TracedScene {
     /// # Errors
     /// As for [`TracedScene::closest_hits`].
     pub async fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
-        let kernels = self.kernels(gpu, &OCCLUDED)?;
+        let kernels = self.kernels(gpu, &OCCLUDED, choice::Each::All)?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernels, ("found", INCOMPLETE), rays, |_, found: Vec<u32>| {
             answers.extend(
@@ -69,15 +69,15 @@ impl TracedScene {
         Ok(answers)
     }
 
-    fn kernels(&self, gpu: &Gpu, names: &Names) -> Result<Kernels, GpuError> {
-        let chosen = Variant::none().with(choice::Mask::None).with(choice::Count::None);
-        let all = self.specialize(chosen.clone());
-        Ok(match self.certain_kernels(gpu, names, &chosen)? {
+    /// The kernels of a query, of all rays of a buffer or of a list of them.
+    pub(super) fn kernels(&self, gpu: &Gpu, names: &Names, each: choice::Each) -> Result<Kernels, GpuError> {
+        let exact = |each| gpu.kernel(names.exact, &self.specialize(exact_parts()).with(each));
+        Ok(match self.certain_kernels(gpu, names, each, None)? {
             // No kernel repeats the arithmetic of the CPU for segments.
             None if self.has_segments() => Kernels::Host,
             Some(certain) if self.has_segments() => Kernels::CertainFirst { certain, listed: None },
-            None => Kernels::Exact(gpu.kernel(names.exact, &all)?),
-            Some(certain) => Kernels::CertainFirst { certain, listed: Some(gpu.kernel(names.listed, &all)?) },
+            None => Kernels::Exact(exact(each)?),
+            Some(certain) => Kernels::CertainFirst { certain, listed: Some(exact(choice::Each::Listed)?) },
         })
     }
 
@@ -87,11 +87,17 @@ impl TracedScene {
         &self,
         gpu: &Gpu,
         names: &Names,
-        chosen: &Variant,
+        each: choice::Each,
+        bound_scale: Option<f64>,
     ) -> Result<Option<Vec<Arc<Kernel>>>, GpuError> {
         if gpu.limits().max_storage_buffers_per_shader_stage < self.n_query_buffers() {
             return Ok(None);
         }
+        let chosen = Variant::none().with(choice::Count::None).with(each);
+        let chosen = match bound_scale {
+            Some(scale) => chosen.value(Override::BoundScale, scale),
+            None => chosen,
+        };
         let of = |&name: &ShaderName| {
             let variant = self.specialize_certain(name, chosen.clone())?;
             variant.map(|variant| gpu.kernel(name, &variant)).transpose()
@@ -168,7 +174,7 @@ impl TracedScene {
         kernels: &Kernels,
         rays: &Buffer<DeviceRay>,
         (into, answers): (&str, &Buffer<T>),
-    ) -> Result<Option<Undecided>, GpuError> {
+    ) -> Result<Option<RayList>, GpuError> {
         if answers.len() < rays.len() {
             let message = format!("{} answers have no room for those of {} rays", answers.len(), rays.len());
             return Err(GpuError::Input { message });
@@ -184,8 +190,8 @@ impl TracedScene {
             }
             Kernels::CertainFirst { certain, listed } => (certain, listed),
         };
-        let undecided = Undecided::new(gpu, rays.len())?;
-        bound.extend(undecided.bindings());
+        let undecided = RayList::new(gpu, rays.len())?;
+        bound.extend([("undecided", &undecided as &dyn AsBinding), ("listed", &undecided)]);
         for kernel in certain {
             commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
         }
@@ -211,8 +217,8 @@ impl TracedScene {
         commands: &mut Commands<'_>,
         rays: &Buffer<DeviceRay>,
         hits: &Buffer<DeviceHit>,
-    ) -> Result<Option<Undecided>, GpuError> {
-        self.record(gpu, commands, &self.kernels(gpu, &CLOSEST)?, rays, ("hits", hits))
+    ) -> Result<Option<RayList>, GpuError> {
+        self.record(gpu, commands, &self.kernels(gpu, &CLOSEST, choice::Each::All)?, rays, ("hits", hits))
     }
 
     /// The same for [`Self::occluded`]: 1 for a hit, 0 for a miss, [`INCOMPLETE`].
@@ -225,8 +231,8 @@ impl TracedScene {
         commands: &mut Commands<'_>,
         rays: &Buffer<DeviceRay>,
         found: &Buffer<u32>,
-    ) -> Result<Option<Undecided>, GpuError> {
-        self.record(gpu, commands, &self.kernels(gpu, &OCCLUDED)?, rays, ("found", found))
+    ) -> Result<Option<RayList>, GpuError> {
+        self.record(gpu, commands, &self.kernels(gpu, &OCCLUDED, choice::Each::All)?, rays, ("found", found))
     }
 
     /// What [`Self::closest_hits`] decides by f32, to test it: hits in the units of [`DeviceRay::scaled`], incomplete where exact arithmetic
@@ -241,8 +247,7 @@ impl TracedScene {
         rays: &[DeviceRay],
         bound_scale: f64,
     ) -> Result<Vec<Outcome<DeviceHit>>, GpuError> {
-        let chosen = Variant::none().with(choice::Count::None).value(Override::BoundScale, bound_scale);
-        let kernels = self.certain_kernels(gpu, &CLOSEST, &chosen)?;
+        let kernels = self.certain_kernels(gpu, &CLOSEST, choice::Each::All, Some(bound_scale))?;
         let certain = kernels.ok_or_else(|| GpuError::Input { message: "exact kernels trace all rays".to_owned() })?;
         let rays_there = gpu.buffer("rays", rays)?;
         let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
@@ -261,29 +266,25 @@ impl TracedScene {
 }
 
 /// Names of the kernels of a query.
-struct Names {
-    /// The one that traces all rays exactly.
+pub(super) struct Names {
+    /// The one that traces rays exactly.
     exact: ShaderName,
     /// Those that decide what is certain, in order.
     certain: &'static [ShaderName],
-    /// The one that traces the listed others exactly.
-    listed: ShaderName,
 }
 
-const CLOSEST: Names = Names {
-    exact: wgsl::trace::CLOSEST,
-    certain: &[wgsl::trace::CERTAIN_CLOSEST, wgsl::trace::CERTAIN_WEIGHTS],
-    listed: wgsl::trace::LISTED_CLOSEST,
-};
+pub(super) const CLOSEST: Names =
+    Names { exact: wgsl::trace::CLOSEST, certain: &[wgsl::trace::CERTAIN_CLOSEST, wgsl::trace::CERTAIN_WEIGHTS] };
 
-const OCCLUDED: Names = Names {
-    exact: wgsl::trace::OCCLUDED,
-    certain: &[wgsl::trace::CERTAIN_OCCLUDED],
-    listed: wgsl::trace::LISTED_OCCLUDED,
-};
+pub(super) const OCCLUDED: Names = Names { exact: wgsl::trace::OCCLUDED, certain: &[wgsl::trace::CERTAIN_OCCLUDED] };
+
+/// The choices of exact kernels of queries: all hits count, and tests are not counted.
+fn exact_parts() -> Variant {
+    Variant::none().with(choice::Mask::None).with(choice::Count::None)
+}
 
 /// The kernels of a query.
-enum Kernels {
+pub(super) enum Kernels {
     /// Exact arithmetic for all rays.
     Exact(Arc<Kernel>),
     /// None: the CPU traces all rays.

@@ -1,16 +1,15 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
-use std::sync::Arc;
-
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant, choice, wgsl};
+use canted_gpu::{AdapterKind, Buffer, Gpu, GpuError, NamedBinding, TracedScene, Variant, choice, wgsl};
 use canted_scene::{Camera, Lobes, Scene};
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::lights::{DeviceSky, SampledLights};
 use super::picture::{self, PackedPicture};
-use super::records::{self, PackedSample, PackedSum, RenderKernels, SampleRecord};
+use super::records::{self, LightKernels, PackedSample, PackedSum, RenderKernels, SampleRecord};
 use super::scene::PackedScene;
+use super::streams::StreamKernels;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};
 use crate::light::bounded;
@@ -34,7 +33,7 @@ pub struct DevicePicture<'a> {
     pub(super) settings: &'a Settings,
     /// The same picture on the CPU.
     pub(super) cpu: Rendering<'a>,
-    traced: Traced<'a>,
+    pub(super) traced: Traced<'a>,
     pub(super) packed: PackedScene,
     sky: DeviceSky,
     /// The lights that the path integrator samples.
@@ -43,6 +42,8 @@ pub struct DevicePicture<'a> {
     filter_table: Option<Buffer<f32>>,
     /// The variant of the light kernel, but for how it finds first hits.
     pub(super) chosen: Variant,
+    /// Whether its rays can be traced as streams.
+    can_stream: bool,
     pub(super) kernels: RenderKernels,
     /// Instance and primitive at the center of each pixel, where a raster pass found them.
     pub(super) first_seen: Option<Buffer<[u32; 2]>>,
@@ -166,7 +167,21 @@ impl<'a> DevicePicture<'a> {
             Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
-        let kernels = RenderKernels { light: gpu.kernel(kernel, &light)?, guide };
+        let can_stream = settings.integrator == Integrator::Path
+            && !settings.aovs.has_components()
+            && packed.accepts_all_hits()
+            && !scene.has_motion()
+            && !traced.has_segments();
+        let light = if can_stream && gpu.info().kind != AdapterKind::Software {
+            match StreamKernels::new(gpu, &light, settings.bounces) {
+                // They take more storage buffers.
+                Err(GpuError::Limit { .. }) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
+                kernels => LightKernels::Streams(kernels?),
+            }
+        } else {
+            LightKernels::Whole(gpu.kernel(kernel, &light)?)
+        };
+        let kernels = RenderKernels { light, guide };
         let picture = gpu.read_only_uniform("picture", &facts)?;
         Ok(Self {
             gpu,
@@ -180,14 +195,35 @@ impl<'a> DevicePicture<'a> {
             picture,
             filter_table,
             chosen,
+            can_stream,
             kernels,
             first_seen: None,
         })
     }
 
     /// The same picture by another kernel, and with what that kernel reads.
-    pub(super) fn with_kernel(self, light: Arc<Kernel>, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
+    pub(super) fn with_kernels(self, light: LightKernels, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
         Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }
+    }
+
+    /// The same picture with its rays traced as streams or within one kernel, whatever is usual on the device, to compare both.
+    ///
+    /// # Errors
+    /// Streams of a picture that has none: of `hybrid`, of scenes with alpha, single-sided materials, motion or curves, and with parts of the light; a limit
+    /// of the device.
+    #[doc(hidden)]
+    pub fn with_streams(self, are_wanted: bool) -> Result<Self, DeviceError> {
+        if are_wanted && !self.can_stream {
+            return Err(DeviceError::Unsupported { what: "this picture as streams of rays" });
+        }
+        let light = if are_wanted {
+            LightKernels::Streams(StreamKernels::new(self.gpu, &self.chosen, self.settings.bounces)?)
+        } else if self.settings.integrator == Integrator::Path {
+            LightKernels::Whole(self.gpu.kernel(wgsl::render::PATH, &self.chosen)?)
+        } else {
+            return Ok(self);
+        };
+        Ok(self.with_kernels(light, None))
     }
 
     /// The buffers that the kernels bind, and their sizes in bytes.
@@ -260,7 +296,7 @@ impl<'a> DevicePicture<'a> {
     ) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
-            dispatcher: SampleDispatcher::<R>::new(self.gpu, self.kernels.clone())?,
+            dispatcher: SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone())?,
             bindings: self.bindings(),
             settings,
             weight: &weight,

@@ -11,6 +11,7 @@ mod raster;
 mod records;
 mod scene;
 mod slack;
+mod streams;
 mod traced;
 #[doc(hidden)]
 pub mod twins;

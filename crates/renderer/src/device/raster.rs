@@ -8,7 +8,7 @@ use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
 
 use super::collector::SampleDispatcher;
-use super::records::{PackedSample, PackedSum, SampleRecord, SampleRun};
+use super::records::{LightKernels, PackedSample, PackedSum, SampleRecord, SampleRun};
 use super::{DeviceError, DevicePicture, picture};
 use crate::{FirstHit, Integrator, SampleSums};
 
@@ -161,7 +161,7 @@ impl DevicePicture<'_> {
         let first_seen = Some(self.gpu.buffer("first hits", &seen)?);
         let chosen = self.chosen.clone().with(choice::First::Raster);
         let light = self.gpu.kernel(wgsl::render::HYBRID, &chosen)?;
-        Ok((self.with_kernel(light, first_seen), surfaces.time))
+        Ok((self.with_kernels(LightKernels::Whole(light), first_seen), surfaces.time))
     }
 
     /// The faster way, measured over a part of the picture.
@@ -176,7 +176,7 @@ impl DevicePicture<'_> {
         if pass.as_secs_f64() + share * rasterizing.as_secs_f64() < share * tracing.as_secs_f64() {
             return Ok((rasterized, FirstHit::Raster));
         }
-        Ok((rasterized.with_kernel(traced, None), FirstHit::Trace))
+        Ok((rasterized.with_kernels(traced, None), FirstHit::Trace))
     }
 
     /// Columns and rows of cells.
@@ -199,7 +199,7 @@ impl DevicePicture<'_> {
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
-        let mut dispatcher = SampleDispatcher::<R>::new(self.gpu, self.kernels.clone())?;
+        let mut dispatcher = SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone())?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();

@@ -11,7 +11,9 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::{Aovs, Block, Pixel};
-use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, block_on, choice};
+use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, TracedScene, block_on, choice};
+
+use super::streams::{StreamKernels, Streams};
 
 use crate::SampleSums;
 
@@ -44,25 +46,37 @@ pub(super) type PackedComponents = [[f32; 3]; 3];
 /// Compiled kernels.
 #[derive(Clone)]
 pub(super) struct RenderKernels {
-    /// Computes radiance: one invocation traces all rays of a sample.
-    pub(super) light: Arc<Kernel>,
+    /// Compute radiance.
+    pub(super) light: LightKernels,
     /// Writes AOVs, if requested.
     pub(super) guide: Option<Arc<Kernel>>,
+}
+
+/// How radiance is computed.
+#[derive(Clone)]
+pub(super) enum LightKernels {
+    /// One invocation traces all rays of a sample.
+    Whole(Arc<Kernel>),
+    /// Rays of many samples are traced together.
+    Streams(StreamKernels),
 }
 
 impl RenderKernels {
     /// Whether a kernel binds a variable of this name.
     pub(super) fn binds(&self, name: &str) -> bool {
-        [&self.light]
-            .into_iter()
-            .chain(&self.guide)
-            .any(|kernel| kernel.bindings().iter().any(|binding| binding.name == name))
+        let of_light = match &self.light {
+            LightKernels::Whole(kernel) => vec![kernel],
+            LightKernels::Streams(kernels) => kernels.all().to_vec(),
+        };
+        let binds = |kernel: &Arc<Kernel>| kernel.bindings().iter().any(|binding| binding.name == name);
+        of_light.into_iter().chain(&self.guide).any(binds)
     }
 }
 
 /// Kernels with their own buffers.
 pub(super) struct ReadyKernels {
-    kernels: RenderKernels,
+    light: ReadyLight,
+    guide: Option<Arc<Kernel>>,
     /// Work-groups of a dispatch.
     pub(super) max_groups: u32,
     /// Whether the parts of the light are written.
@@ -71,9 +85,14 @@ pub(super) struct ReadyKernels {
     pub(super) has_first_light: bool,
 }
 
+enum ReadyLight {
+    Whole(Arc<Kernel>),
+    Streams(Box<Streams>),
+}
+
 impl ReadyKernels {
     /// Kernels for at most `max` work-groups.
-    pub(super) fn new(gpu: &Gpu, kernels: RenderKernels, max: u32) -> Self {
+    pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: RenderKernels, max: u32) -> Result<Self, GpuError> {
         let limit = gpu.limits().max_storage_buffer_binding_size;
         let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
         let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
@@ -81,19 +100,39 @@ impl ReadyKernels {
         let max = if has_components { max.min(fit(size_of::<PackedComponents>())) } else { max };
         let has_first_light = kernels.binds("first_light");
         let max = if has_first_light { max.min(fit(size_of::<PackedFirstLight>())) } else { max };
-        Self { kernels, max_groups: max, has_components, has_first_light }
+        let RenderKernels { light, guide } = kernels;
+        let (light, max_groups) = match light {
+            LightKernels::Whole(kernel) => (ReadyLight::Whole(kernel), max),
+            LightKernels::Streams(kernels) => {
+                let max = max.min(StreamKernels::max_groups(gpu));
+                let streams = Streams::new(gpu, traced, kernels, max as usize * CELL_PIXELS)?;
+                (ReadyLight::Streams(Box::new(streams)), max)
+            }
+        };
+        Ok(Self { light, guide, max_groups, has_components, has_first_light })
     }
 
     /// Whether AOVs are written.
     pub(super) fn has_guides(&self) -> bool {
-        self.kernels.guide.is_some()
+        self.guide.is_some()
     }
 
     /// Takes the samples of `n` work-groups and waits for them.
-    pub(super) fn run(&self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
+    pub(super) fn run(
+        &mut self,
+        gpu: &Gpu,
+        traced: &TracedScene,
+        bindings: &[NamedBinding<'_>],
+        n: u32,
+    ) -> Result<(), GpuError> {
         let mut commands = gpu.commands();
-        for kernel in [&self.kernels.light].into_iter().chain(&self.kernels.guide) {
-            commands.dispatch(kernel, bindings, kernel.groups(n * kernel.group_size()))?;
+        let groups = |kernel: &Kernel| kernel.groups(n * kernel.group_size());
+        match &mut self.light {
+            ReadyLight::Whole(kernel) => commands.dispatch(kernel, bindings, groups(kernel))?,
+            ReadyLight::Streams(streams) => streams.record(&mut commands, traced, bindings, n)?,
+        }
+        if let Some(guide) = &self.guide {
+            commands.dispatch(guide, bindings, groups(guide))?;
         }
         block_on(commands.run())
     }

@@ -251,6 +251,11 @@ impl PackedScene {
         chosen.with(if self.has.mask_textures { choice::Alpha::Texture } else { choice::Alpha::Plain })
     }
 
+    /// Whether rays stop at every surface: no alpha, no single-sided materials.
+    pub(super) fn accepts_all_hits(&self) -> bool {
+        !self.has.masks && !self.has.single_sided
+    }
+
     /// Whether some meshes have curves.
     pub(super) fn has_curves(&self) -> bool {
         self.has.curves

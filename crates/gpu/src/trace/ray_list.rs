@@ -1,0 +1,73 @@
+//! Lists of rays in device memory, such as those that kernels of `shared/certain` leave to exact ones.
+
+use wgpu::BindingResource;
+
+use crate::commands::AsBinding;
+use crate::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
+
+/// Words before the list: the work-groups of an indirect dispatch, and the number of the listed ones.
+const HEAD: usize = 4;
+
+/// A list of indices that kernels write, in the layout of `shared/undecided`, and that sizes a dispatch.
+pub struct RayList {
+    words: Buffer<u32>,
+}
+
+impl RayList {
+    /// An empty list with room for `n`.
+    ///
+    /// # Errors
+    /// A limit of the device.
+    pub fn new(gpu: &Gpu, n: usize) -> Result<Self, GpuError> {
+        Ok(Self { words: gpu.indirect("list of rays", HEAD + n)? })
+    }
+
+    /// Empties the list before what is recorded next.
+    pub fn clear(&self, commands: &mut Commands<'_>) {
+        commands.clear_range(&self.words, 0, HEAD as u32);
+    }
+
+    /// Adds a dispatch with an invocation of a work-group of 64 for each entry.
+    ///
+    /// # Errors
+    /// A variable is missing.
+    pub fn dispatch(
+        &self,
+        commands: &mut Commands<'_>,
+        kernel: &Kernel,
+        bound: &[NamedBinding<'_>],
+    ) -> Result<(), GpuError> {
+        commands.dispatch_indirect(kernel, bound, &self.words, 0)
+    }
+
+    /// Copies how many are listed.
+    pub(super) fn copy_count(&self, commands: &mut Commands<'_>, to: &Buffer<u32>, at: u32) {
+        commands.copy_range((&self.words, HEAD as u32 - 1), (to, at), 1);
+    }
+
+    /// How many are listed.
+    ///
+    /// # Errors
+    /// The device is lost or does not finish.
+    pub async fn count(&self, gpu: &Gpu) -> Result<u32, GpuError> {
+        Ok(gpu.read_first(&self.words, HEAD).await?[HEAD - 1])
+    }
+
+    /// The indices of the first `n`, in no particular order.
+    ///
+    /// # Errors
+    /// As for [`Self::count`].
+    pub async fn listed(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
+        Ok(gpu.read_first(&self.words, HEAD + n as usize).await?.split_off(HEAD))
+    }
+}
+
+impl AsBinding for RayList {
+    fn resource(&self) -> BindingResource<'_> {
+        self.words.resource()
+    }
+
+    fn n_bytes(&self) -> u64 {
+        self.words.n_bytes()
+    }
+}

@@ -1,0 +1,141 @@
+//! Path tracing as streams of rays: kernels that only trace answer the rays of many paths at once, and others shade in between.
+//!
+//! ```text
+//! start -> onward rays ---------> closest hits -+-> shade -> onward rays, shadow rays ...   once per bounce, and twice more
+//!                 shadow rays -> occluded ------+        -> finish
+//! ```
+//!
+//! `shaders/render/stream.wgsl` has the kernels and says why samples have the bits of `render/path`.
+
+use std::sync::Arc;
+
+use canted_gpu::{
+    AdapterKind, Buffer, Commands, DeviceHit, DeviceRay, Gpu, GpuError, Kernel, NamedBinding, RayList, StreamQueries,
+    TracedScene, Variant, wgsl,
+};
+
+use super::records::CELL_PIXELS;
+
+/// Words of `Path` in `shaders/shared/path.wgsl`.
+pub(super) const PATH_WORDS: usize = 56;
+
+/// Paths in flight, at most: about 350 MB on hardware. Software drivers gain nothing from more than fill their threads.
+const MAX_PATHS: usize = 1 << 20;
+const MAX_PATHS_SOFTWARE: usize = 1 << 16;
+
+/// Compiled kernels between the queries.
+#[derive(Clone)]
+pub(super) struct StreamKernels {
+    start: Arc<Kernel>,
+    shade: Arc<Kernel>,
+    finish: Arc<Kernel>,
+    /// How often paths are shaded.
+    n_rounds: u32,
+}
+
+/// Streams of at most so many paths, with their buffers.
+pub(super) struct Streams {
+    kernels: StreamKernels,
+    queries: StreamQueries,
+    paths: Buffer<[u32; PATH_WORDS]>,
+    onward_rays: Buffer<DeviceRay>,
+    shadow_rays: Buffer<DeviceRay>,
+    hits: Buffer<DeviceHit>,
+    found: Buffer<u32>,
+    /// Paths to shade in this round and in the next.
+    alive: [RayList; 2],
+    onward_queue: RayList,
+    shadow_queue: RayList,
+}
+
+impl StreamKernels {
+    /// Kernels for paths with so many bounces; `chosen` is the variant of `render/path`.
+    pub(super) fn new(gpu: &Gpu, chosen: &Variant, bounces: u32) -> Result<Self, GpuError> {
+        let kernel = |name| gpu.kernel(name, &chosen.of_kernel(name)?);
+        Ok(Self {
+            start: kernel(wgsl::render::stream::START)?,
+            shade: kernel(wgsl::render::stream::SHADE)?,
+            finish: kernel(wgsl::render::stream::FINISH)?,
+            // A ray from the camera, one from each vertex, and one that finds no further vertex.
+            n_rounds: bounces.saturating_add(2),
+        })
+    }
+
+    pub(super) fn all(&self) -> [&Arc<Kernel>; 3] {
+        [&self.start, &self.shade, &self.finish]
+    }
+
+    /// Most work-groups of a dispatch.
+    pub(super) fn max_groups(gpu: &Gpu) -> u32 {
+        let most = if gpu.info().kind == AdapterKind::Software { MAX_PATHS_SOFTWARE } else { MAX_PATHS };
+        let in_binding = gpu.limits().max_storage_buffer_binding_size / (4 * PATH_WORDS) as u64;
+        (most.min(usize::try_from(in_binding).unwrap_or(most)) / CELL_PIXELS) as u32
+    }
+}
+
+impl Streams {
+    /// Streams of `n` paths.
+    pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
+        let list = || RayList::new(gpu, n);
+        Ok(Self {
+            kernels,
+            queries: traced.stream_queries(gpu, n)?,
+            paths: gpu.zeroed("paths", n)?,
+            onward_rays: gpu.zeroed("onward rays", n)?,
+            shadow_rays: gpu.zeroed("shadow rays", n)?,
+            hits: gpu.zeroed("hits of onward rays", n)?,
+            found: gpu.zeroed("answers to shadow rays", n)?,
+            alive: [list()?, list()?],
+            onward_queue: list()?,
+            shadow_queue: list()?,
+        })
+    }
+
+    /// Adds the dispatches that take the samples of `n_groups` work-groups.
+    pub(super) fn record(
+        &mut self,
+        commands: &mut Commands<'_>,
+        traced: &TracedScene,
+        bindings: &[NamedBinding<'_>],
+        n_groups: u32,
+    ) -> Result<(), GpuError> {
+        let Self { kernels, queries, paths, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue } =
+            self;
+        let StreamKernels { start, shade, finish, n_rounds } = kernels;
+        let [alive, next] = alive;
+        let own: [NamedBinding<'_>; 7] = [
+            ("paths", paths),
+            ("onward_rays", onward_rays),
+            ("shadow_rays", shadow_rays),
+            ("hits", hits),
+            ("found", found),
+            ("onward_queue", onward_queue),
+            ("shadow_queue", shadow_queue),
+        ];
+        let shared = [bindings, &own].concat();
+        for list in [&*onward_queue, &*shadow_queue, &*alive] {
+            list.clear(commands);
+        }
+        let groups = |kernel: &Kernel| kernel.groups(n_groups * kernel.group_size());
+        commands.dispatch(start, &with_lists(&shared, [next, alive]), groups(start))?;
+        let mut lists = [&*alive, &*next];
+        for round in 0..*n_rounds {
+            queries.record_closest_hits(traced, commands, onward_queue, onward_rays, hits)?;
+            if round > 0 {
+                queries.record_occluded(traced, commands, shadow_queue, shadow_rays, found)?;
+            }
+            for list in [&*onward_queue, &*shadow_queue, lists[1]] {
+                list.clear(commands);
+            }
+            lists[0].dispatch(commands, shade, &with_lists(&shared, lists))?;
+            lists.swap(0, 1);
+        }
+        commands.dispatch(finish, &with_lists(&shared, lists), groups(finish))
+    }
+}
+
+/// The bindings of a kernel that takes the paths of a list and writes another list.
+fn with_lists<'a>(shared: &[NamedBinding<'a>], [listed, next]: [&'a RayList; 2]) -> Vec<NamedBinding<'a>> {
+    let lists: [NamedBinding<'a>; 2] = [("listed", listed), ("next_paths", next)];
+    [shared, &lists].concat()
+}
