@@ -1,22 +1,42 @@
-// Path tracer as streams of rays: kernels that only trace answer the rays of many paths, and these kernels start, shade and end the paths.
+// Pictures as streams of rays: kernels that only trace answer the rays of many samples, and these kernels start, shade and end the samples.
 //
 // ```text
-// start -> rays -> trace/certain_closest, ... -> shade -> rays, shadow rays -> ...      bounces + 2 times
-//                                                      -> finish, of all paths at once
+// start -> rays -> trace/certain_closest, ... -> shade -> rays, shadow rays -> ...      for as many rounds as a sample may need
+//                                                      -> finish, of all samples at once
 // ```
 //
-// A vertex sends its shadow ray and its onward ray at the same time. Light is added in the order of `render/path`, so a sample has the same bits. Paths that go
-// on, rays and shadow rays are lists of indices of paths: a dispatch has invocations for those alone. What paths keep is sorted by sample, so `finish` sums
-// as `render/path` does.
+// `?integrator` says what a sample does with the answers to its rays. A shadow ray and the onward ray of the same surface are traced at the same time; light is
+// added in the order of `render/path` and `render/hybrid`, so a sample has the same bits. Samples that go on, rays and shadow rays are lists of indices:
+// a dispatch has invocations for those alone. The states lie in the order of samples, so `finish` sums as the kernels of whole samples do.
 // use shared/invocation/index
-// use shared/path
 // use shared/ray
+// use ?integrator
 
 /// By work-group and invocation of `start`.
-@group(1) @binding(6) var<storage, read_write> paths: array<Path>;
+@group(1) @binding(6) var<storage, read_write> states: array<State>;
 
-/// A path whose ray no kernel decided; the host takes its sample.
+/// The stage of a sample with a ray that no kernel decided; the host takes it.
 const CUT: u32 = 3u;
+
+// choice integrator/path
+// Path tracing.
+// use shared/path
+
+alias State = Path;
+
+fn state_from(start: CameraRay) -> State {
+    return path_from(start);
+}
+
+// choice integrator/hybrid
+// The hybrid integrator.
+// use shared/hybrid
+
+alias State = Gathering;
+
+fn state_from(start: CameraRay) -> State {
+    return gathering_from(start);
+}
 
 // part queues
 // What the next dispatches take: lists in the layout of `shared/undecided`.
@@ -28,26 +48,26 @@ struct Queue {
     z: u32,
     /// Number of the listed ones.
     n: atomic<u32>,
-    /// Indices of paths.
+    /// Indices of samples.
     listed: array<u32>,
 }
 
 @group(1) @binding(7) var<storage, read_write> onward_rays: array<Ray>;
 @group(1) @binding(8) var<storage, read_write> shadow_rays: array<Ray>;
-/// Paths to shade next, paths with an onward ray, and paths with a shadow ray.
-@group(1) @binding(14) var<storage, read_write> next_paths: Queue;
+/// Samples to shade next, samples with an onward ray, and samples with a shadow ray.
+@group(1) @binding(14) var<storage, read_write> next_samples: Queue;
 @group(1) @binding(15) var<storage, read_write> onward_queue: Queue;
 @group(1) @binding(16) var<storage, read_write> shadow_queue: Queue;
 
-/// How many invocations of the work-group list their paths in each queue, then the first place of each.
+/// How many invocations of the work-group list their samples in each queue, then the first place of each.
 var<workgroup> n_of_group: array<atomic<u32>, 3>;
 var<workgroup> first_of_group: array<u32, 3>;
 
-/// Lists a path and its rays. All invocations of a work-group call it; `is_there` is false for one without a path.
-fn send(local: u32, is_there: bool, index: u32, path: Path) {
-    let is_going_on = is_there && (path.stage == ONWARD || path.stage == TO_LIGHT);
-    let has_shadow_ray = is_going_on && path.stage == TO_LIGHT;
-    let has_onward_ray = is_going_on && (!has_shadow_ray || any(path.onward_direction != vec3(0.0)));
+/// Lists a sample and its rays. All invocations of a work-group call it; `is_there` is false for one without a sample.
+fn send(local: u32, is_there: bool, index: u32, state: State) {
+    let is_going_on = is_there && (state.stage == ONWARD || state.stage == TO_LIGHT);
+    let has_shadow_ray = is_going_on && state.stage == TO_LIGHT;
+    let has_onward_ray = is_going_on && (!has_shadow_ray || any(state.onward_direction != vec3(0.0)));
     var places = vec3<u32>(0u);
     if is_going_on {
         places.x = atomicAdd(&n_of_group[0], 1u);
@@ -55,14 +75,14 @@ fn send(local: u32, is_there: bool, index: u32, path: Path) {
     if has_onward_ray {
         places.y = atomicAdd(&n_of_group[1], 1u);
         if has_shadow_ray {
-            onward_rays[index] = infinite_ray(path.onward_origin, path.onward_direction);
+            onward_rays[index] = infinite_ray(state.onward_origin, state.onward_direction);
         } else {
-            onward_rays[index] = path.ray;
+            onward_rays[index] = state.ray;
         }
     }
     if has_shadow_ray {
         places.z = atomicAdd(&n_of_group[2], 1u);
-        shadow_rays[index] = path.ray;
+        shadow_rays[index] = state.ray;
     }
     workgroupBarrier();
     if local < 3u {
@@ -70,7 +90,7 @@ fn send(local: u32, is_there: bool, index: u32, path: Path) {
     }
     workgroupBarrier();
     if is_going_on {
-        next_paths.listed[first_of_group[0] + places.x] = index;
+        next_samples.listed[first_of_group[0] + places.x] = index;
     }
     if has_onward_ray {
         onward_queue.listed[first_of_group[1] + places.y] = index;
@@ -87,10 +107,10 @@ fn reserved(queue: u32, n: u32) -> u32 {
     }
     switch queue {
         case 0u: {
-            let first = atomicAdd(&next_paths.n, n);
-            atomicAdd(&next_paths.x, groups_between(first, n));
-            next_paths.y = 1u;
-            next_paths.z = 1u;
+            let first = atomicAdd(&next_samples.n, n);
+            atomicAdd(&next_samples.x, groups_between(first, n));
+            next_samples.y = 1u;
+            next_samples.z = 1u;
             return first;
         }
         case 1u: {
@@ -116,7 +136,7 @@ fn groups_between(first: u32, n: u32) -> u32 {
 }
 
 // part start
-// Starts the path of each sample of the dispatch at the camera.
+// Starts each sample of the dispatch at the camera.
 // use render/stream/queues
 
 @compute @workgroup_size(64)
@@ -124,16 +144,16 @@ fn main(id: Invocation) {
     let group = group_index(id);
     let one = taken(group, id.local);
     let index = 64u * group + id.local;
-    var path: Path;
+    var state: State;
     if one.is_inside {
-        path = path_from(camera_ray(one));
-        paths[index] = path;
+        state = state_from(camera_ray(one));
+        states[index] = state;
     }
-    send(id.local, one.is_inside, index, path);
+    send(id.local, one.is_inside, index, state);
 }
 
 // part shade
-// Advances the listed paths by the answers to their rays.
+// Advances the listed samples by the answers to their rays.
 // use render/stream/queues
 
 /// As `Queue`.
@@ -154,38 +174,42 @@ struct Listed {
 fn main(id: Invocation) {
     let entry = invocation(id, 64u);
     let is_there = entry < listed.n;
-    var path: Path;
+    var state: State;
     var index = 0u;
     if is_there {
         index = listed.indices[entry];
-        path = paths[index];
-        advance_by_answers(&path, index);
-        paths[index] = path;
+        state = states[index];
+        advance_by_answers(&state, index);
+        states[index] = state;
     }
-    send(id.local, is_there, index, path);
+    send(id.local, is_there, index, state);
 }
 
-fn advance_by_answers(path: ptr<function, Path>, index: u32) {
-    if (*path).stage == TO_LIGHT {
-        if found[index] == INCOMPLETE {
-            (*path).stage = CUT;
-            return;
+/// Advances a sample by the answer to its shadow ray, then by that to its onward ray, if they were sent.
+fn advance_by_answers(state: ptr<function, State>, index: u32) {
+    let one = taken(index / 64u, index % 64u);
+    // One call site: compilers inline functions at each call.
+    for (var turn = 0u; turn < 2u; turn += 1u) {
+        let is_shadow = (*state).stage == TO_LIGHT;
+        let is_last = !is_shadow || all((*state).onward_direction == vec3(0.0));
+        var hit = hits[index];
+        if is_shadow {
+            hit = miss();
+            hit.instance = select(found[index] - 1u, INCOMPLETE, found[index] == INCOMPLETE);
         }
-        add_light(path, select((*path).pending, vec3(0.0), found[index] == 1u));
-        continue_onward(path);
-    }
-    if (*path).stage == ONWARD {
-        let hit = hits[index];
         if hit.instance == INCOMPLETE {
-            (*path).stage = CUT;
+            (*state).stage = CUT;
             return;
         }
-        advance(path, taken(index / 64u, index % 64u), hit);
+        advance(state, one, hit);
+        if is_last || (*state).stage != ONWARD {
+            return;
+        }
     }
 }
 
 // part finish
-// Keeps the light of all paths of the dispatch. `?film` is what is kept.
+// Keeps the light of all samples of the dispatch. `?film` is what is kept.
 // use shared/invocation/incomplete
 // use ?film
 
@@ -197,9 +221,9 @@ fn main(id: Invocation) {
     var n_rays = 0u;
     if one.is_inside {
         let index = 64u * group + id.local;
-        radiance = paths[index].radiance;
-        n_rays = paths[index].n_rays;
-        is_incomplete = paths[index].stage != DONE;
+        radiance = states[index].radiance;
+        n_rays = states[index].n_rays;
+        is_incomplete = states[index].stage != DONE;
     }
     keep(group, id.local, one, radiance, n_rays);
 }

@@ -31,11 +31,16 @@ const NO_SHADOW_RAY: ShadowRay = ShadowRay(false, vec3<f32>(), NO_RAY, 0u, vec3<
 /// First sampler dimension of lights, beyond all bounces; one for each vertex and light.
 const FIRST_LIGHT: u32 = 65536u;
 
+fn n_listed_lights() -> u32 {
+    return arrayLength(&lights);
+}
+
 /// The shadow ray to the next light after the first `n_visited` that may reach the surface on the viewer's side, above the
-/// horizons of both the surface and the shading normal. Its key is derived from `vertex_key` by the index of the light.
-fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_visited: u32) -> ShadowRay {
-    let n_lights = arrayLength(&lights);
+/// horizons of both the surface and the shading normal.
+fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, n_visited: u32) -> ShadowRay {
+    let n_lights = n_listed_lights();
     var shadow = NO_SHADOW_RAY;
+    shadow.n_visited = n_visited;
     for (var number = n_visited; number < n_lights && !shadow.exists; number++) {
         iterations += 1u;
         shadow.n_visited = number + 1u;
@@ -56,7 +61,6 @@ fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: 
             shadow.exists = true;
             shadow.radiance = reflected;
             shadow.ray = ray;
-            ray_key = derived_key(vertex_key, number);
         }
     }
     return shadow;
@@ -65,7 +69,11 @@ fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: 
 // choice direct/none
 // No listed lights.
 
-fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_visited: u32) -> ShadowRay {
+fn n_listed_lights() -> u32 {
+    return 0u;
+}
+
+fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, n_visited: u32) -> ShadowRay {
     return NO_SHADOW_RAY;
 }
 

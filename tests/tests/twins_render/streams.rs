@@ -19,8 +19,8 @@ pub(crate) fn tests() -> Vec<Test> {
     ]
 }
 
-fn settings(bounces: u32) -> Settings {
-    Settings { width: 61, height: 35, samples: 4, integrator: Integrator::Path, bounces, ..Settings::default() }
+fn settings(integrator: Integrator, bounces: u32) -> Settings {
+    Settings { width: 61, height: 35, samples: 4, integrator, bounces, ..Settings::default() }
 }
 
 fn rendered(
@@ -54,20 +54,22 @@ fn streams_have_the_bits_of_one_kernel() {
         ("textures", &textured, &camera_of_textured),
         ("built-in", &built_in, &camera_of_built_in),
     ] {
-        for (levels, bounces, sums) in [
-            (Levels::One, 8, SampleSums::Host),
-            (Levels::Two, 3, SampleSums::Device),
-            (Levels::Two, 0, SampleSums::Host),
+        for (integrator, levels, bounces, sums) in [
+            (Integrator::Path, Levels::One, 8, SampleSums::Host),
+            (Integrator::Path, Levels::Two, 0, SampleSums::Device),
+            (Integrator::Hybrid, Levels::One, 0, SampleSums::Device),
+            (Integrator::Hybrid, Levels::Two, 2, SampleSums::Host),
         ] {
-            let settings = Settings { sums, aovs: [Aov::Depth].into_iter().collect(), ..settings(bounces) };
+            let settings = Settings { sums, ..settings(integrator, bounces) };
             let bvh = scene_bvh(scene, levels);
             let [streams, whole] =
                 [true, false].map(|streams| rendered(&gpu, (scene, camera), &bvh, &settings, streams, |traced| traced));
-            assert!(streams == whole, "{name}, {levels:?}, {bounces} bounces, {sums:?}");
+            assert!(streams == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {sums:?}");
             // The comparison detects one bounce less.
-            if bounces == 8 {
-                let fewer = Settings { bounces: 1, ..settings };
-                assert!(rendered(&gpu, (scene, camera), &bvh, &fewer, true, |traced| traced) != whole, "{name}");
+            if bounces > 0 {
+                let fewer = Settings { bounces: bounces - 1, ..settings };
+                let fewer = rendered(&gpu, (scene, camera), &bvh, &fewer, true, |traced| traced);
+                assert!(fewer != whole, "{name}, {integrator:?}");
             }
         }
     }
@@ -87,8 +89,8 @@ fn the_cpu_takes_paths_that_streams_cut() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    for sums in [SampleSums::Host, SampleSums::Device] {
-        let settings = Settings { sums, ..settings(6) };
+    for (integrator, sums) in [(Integrator::Path, SampleSums::Host), (Integrator::Hybrid, SampleSums::Device)] {
+        let settings = Settings { sums, ..settings(integrator, 3) };
         let of_cpu = on_cpu(&scene, &bvh, &camera, &settings);
         let with = |n| rendered(&gpu, (&scene, &camera), &bvh, &settings, true, |traced| traced.with_max_iterations(n));
         // No ray is finished: each sample is the CPU's. With enough iterations none is.
@@ -105,10 +107,15 @@ fn streams_leave_other_pictures_to_one_kernel() {
         let picture = DevicePicture::new(&gpu, &surfaces, &bvh, camera, settings).unwrap();
         picture.with_streams(true).is_err()
     };
-    assert!(!refused(&scenes::room(), &settings(2)));
-    assert!(refused(&scenes::room(), &Settings { integrator: Integrator::Hybrid, ..settings(2) }));
-    assert!(refused(&scenes::in_motion(scenes::room()), &settings(2)));
-    assert!(refused(&scenes::dollhouse(), &settings(2)));
-    let components = Settings { aovs: [Aov::Direct].into_iter().collect(), ..settings(2) };
-    assert!(refused(&scenes::room(), &components));
+    let path = settings(Integrator::Path, 2);
+    let hybrid = settings(Integrator::Hybrid, 2);
+    assert!(!refused(&scenes::room(), &path));
+    assert!(!refused(&scenes::room(), &hybrid));
+    assert!(refused(&scenes::in_motion(scenes::room()), &path));
+    assert!(refused(&scenes::dollhouse(), &hybrid));
+    assert!(refused(&scenes::room(), &Settings { aovs: [Aov::Direct].into_iter().collect(), ..path }));
+    let mut many = scenes::room();
+    many.0.lights = many.0.lights.iter().cycle().take(17).cloned().collect();
+    assert!(refused(&many, &hybrid));
+    assert!(!refused(&many, &path));
 }

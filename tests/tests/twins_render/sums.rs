@@ -186,7 +186,7 @@ fn the_cpu_takes_unfinished_samples() {
     // Some are.
     let host = Settings { sums: SampleSums::Host, ..device };
     let few =
-        |settings: &Settings| summed(&gpu, (&scene, &camera), &bvh, settings, |traced| traced.with_max_iterations(100));
+        |settings: &Settings| summed(&gpu, (&scene, &camera), &bvh, settings, |traced| traced.with_max_iterations(30));
     let (ours, some) = (few(&device), few(&host));
     check(&ours, &some, "some samples");
     assert!(ours.guides() == some.guides());

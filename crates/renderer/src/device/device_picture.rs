@@ -1,7 +1,7 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{AdapterKind, Buffer, Gpu, GpuError, NamedBinding, TracedScene, Variant, choice, wgsl};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, Variant, choice, wgsl};
 use canted_scene::{Camera, Lobes, Scene};
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
@@ -56,6 +56,28 @@ const LOBES: &str = "clear coats, sheen, anisotropy, thin films, colored reflect
 fn changes_albedo(lobes: &Lobes) -> bool {
     let Lobes { specular_color, specular_color_texture, specular_texture, iridescence, .. } = lobes;
     *specular_color != [1.0; 3] || specular_color_texture.is_some() || specular_texture.is_some() || *iridescence > 0.0
+}
+
+/// Most listed lights of the hybrid integrator as streams: each takes a round of its own at every vertex.
+const MOST_STREAMED_LIGHTS: usize = 16;
+
+/// Whether the rays of a picture can be traced as streams, as far as scene and settings say.
+fn can_stream(scene: &Scene, settings: &Settings) -> bool {
+    let has_few_lights = settings.integrator == Integrator::Path || scene.lights.len() <= MOST_STREAMED_LIGHTS;
+    let keeps_parts = settings.aovs.has_components() || settings.aovs.has_factors();
+    has_few_lights && !keeps_parts && !scene.has_motion()
+}
+
+/// The kernels of a picture as streams; `chosen` has the choices of its kernel for whole samples.
+fn streams(gpu: &Gpu, chosen: &Variant, scene: &Scene, settings: &Settings) -> Result<LightKernels, GpuError> {
+    // A ray from the camera, one from each vertex, and one that finds no further vertex.
+    let n_rays = settings.bounces.saturating_add(2);
+    let (integrator, n_rounds) = match settings.integrator {
+        Integrator::Path => (choice::Integrator::Path, n_rays),
+        // Each light takes a round, and the onward ray goes with the last.
+        Integrator::Hybrid => (choice::Integrator::Hybrid, n_rays.saturating_mul(scene.lights.len().max(1) as u32)),
+    };
+    Ok(LightKernels::Streams(StreamKernels::new(gpu, chosen, integrator, n_rounds)?))
 }
 
 impl<'a> DevicePicture<'a> {
@@ -167,19 +189,11 @@ impl<'a> DevicePicture<'a> {
             Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
-        let can_stream = settings.integrator == Integrator::Path
-            && !settings.aovs.has_components()
-            && packed.accepts_all_hits()
-            && !scene.has_motion()
-            && !traced.has_segments();
-        let light = if can_stream && gpu.info().kind != AdapterKind::Software {
-            match StreamKernels::new(gpu, &light, settings.bounces) {
-                // They take more storage buffers.
-                Err(GpuError::Limit { .. }) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
-                kernels => LightKernels::Streams(kernels?),
-            }
-        } else {
-            LightKernels::Whole(gpu.kernel(kernel, &light)?)
+        let can_stream = can_stream(scene, settings) && packed.accepts_all_hits() && !traced.has_segments();
+        let light = match can_stream.then(|| streams(gpu, &chosen, scene, settings)) {
+            // They take more storage buffers.
+            None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
+            Some(kernels) => kernels?,
         };
         let kernels = RenderKernels { light, guide };
         let picture = gpu.read_only_uniform("picture", &facts)?;
@@ -209,19 +223,21 @@ impl<'a> DevicePicture<'a> {
     /// The same picture with its rays traced as streams or within one kernel, whatever is usual on the device, to compare both.
     ///
     /// # Errors
-    /// Streams of a picture that has none: of `hybrid`, of scenes with alpha, single-sided materials, motion or curves, and with parts of the light; a limit
-    /// of the device.
+    /// Streams of a picture that has none: of scenes with alpha, single-sided materials, motion, curves or many lights, and with parts of the light; a
+    /// limit of the device.
     #[doc(hidden)]
     pub fn with_streams(self, are_wanted: bool) -> Result<Self, DeviceError> {
         if are_wanted && !self.can_stream {
             return Err(DeviceError::Unsupported { what: "this picture as streams of rays" });
         }
         let light = if are_wanted {
-            LightKernels::Streams(StreamKernels::new(self.gpu, &self.chosen, self.settings.bounces)?)
-        } else if self.settings.integrator == Integrator::Path {
-            LightKernels::Whole(self.gpu.kernel(wgsl::render::PATH, &self.chosen)?)
+            streams(self.gpu, &self.chosen, self.surfaces.scene(), self.settings)?
         } else {
-            return Ok(self);
+            let chosen = self.chosen.clone();
+            LightKernels::Whole(match self.settings.integrator {
+                Integrator::Path => self.gpu.kernel(wgsl::render::PATH, &chosen)?,
+                Integrator::Hybrid => self.gpu.kernel(wgsl::render::HYBRID, &chosen.with(choice::First::Trace))?,
+            })
         };
         Ok(self.with_kernels(light, None))
     }
@@ -229,7 +245,12 @@ impl<'a> DevicePicture<'a> {
     /// The buffers that the kernels bind, and their sizes in bytes.
     #[must_use]
     pub fn buffers(&self) -> Vec<(&str, u64)> {
-        let bound = self.bindings().into_iter().filter(|(name, _)| self.kernels.binds(name));
+        let by_queries = match self.kernels.light {
+            LightKernels::Whole(_) => vec![],
+            LightKernels::Streams(_) => self.traced.bindings(),
+        };
+        let is_bound = |name: &str| self.kernels.binds(name) || by_queries.iter().any(|(known, _)| *known == name);
+        let bound = self.bindings().into_iter().filter(|(name, _)| is_bound(name));
         bound.map(|(name, buffer)| (name, buffer.n_bytes())).collect()
     }
 

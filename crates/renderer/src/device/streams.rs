@@ -1,27 +1,27 @@
-//! Path tracing as streams of rays: kernels that only trace answer the rays of many paths at once, and others shade in between.
+//! Pictures as streams of rays: kernels that only trace answer the rays of many samples at once, and others shade in between.
 //!
 //! ```text
-//! start -> onward rays ---------> closest hits -+-> shade -> onward rays, shadow rays ...   once per bounce, and twice more
+//! start -> onward rays ---------> closest hits -+-> shade -> onward rays, shadow rays ...   for some rounds
 //!                 shadow rays -> occluded ------+        -> finish
 //! ```
 //!
-//! `shaders/render/stream.wgsl` has the kernels and says why samples have the bits of `render/path`.
+//! `shaders/render/stream.wgsl` has the kernels and says why samples have the bits of kernels that take whole samples.
 
 use std::sync::Arc;
 
 use canted_gpu::{
     AdapterKind, Buffer, Commands, DeviceHit, DeviceRay, Gpu, GpuError, Kernel, NamedBinding, RayList, StreamQueries,
-    TracedScene, Variant, wgsl,
+    TracedScene, Variant, choice, wgsl,
 };
 
 use super::records::CELL_PIXELS;
 
-/// Words of `Path` in `shaders/shared/path.wgsl`.
-pub(super) const PATH_WORDS: usize = 56;
+/// Words of `Path` in `shaders/shared/path.wgsl`; `Gathering` in `hybrid.wgsl` has fewer.
+pub(super) const STATE_WORDS: usize = 56;
 
-/// Paths in flight, at most: about 350 MB on hardware. Software drivers gain nothing from more than fill their threads.
-const MAX_PATHS: usize = 1 << 20;
-const MAX_PATHS_SOFTWARE: usize = 1 << 16;
+/// Samples in flight, at most: about 350 MB on hardware. Software drivers gain nothing from more than fill their threads.
+const MAX_SAMPLES: usize = 1 << 20;
+const MAX_SAMPLES_SOFTWARE: usize = 1 << 16;
 
 /// Compiled kernels between the queries.
 #[derive(Clone)]
@@ -29,35 +29,40 @@ pub(super) struct StreamKernels {
     start: Arc<Kernel>,
     shade: Arc<Kernel>,
     finish: Arc<Kernel>,
-    /// How often paths are shaded.
+    /// How often samples are shaded.
     n_rounds: u32,
 }
 
-/// Streams of at most so many paths, with their buffers.
+/// Streams of at most so many samples, with their buffers.
 pub(super) struct Streams {
     kernels: StreamKernels,
     queries: StreamQueries,
-    paths: Buffer<[u32; PATH_WORDS]>,
+    states: Buffer<[u32; STATE_WORDS]>,
     onward_rays: Buffer<DeviceRay>,
     shadow_rays: Buffer<DeviceRay>,
     hits: Buffer<DeviceHit>,
     found: Buffer<u32>,
-    /// Paths to shade in this round and in the next.
+    /// Samples to shade in this round and in the next.
     alive: [RayList; 2],
     onward_queue: RayList,
     shadow_queue: RayList,
 }
 
 impl StreamKernels {
-    /// Kernels for paths with so many bounces; `chosen` is the variant of `render/path`.
-    pub(super) fn new(gpu: &Gpu, chosen: &Variant, bounces: u32) -> Result<Self, GpuError> {
+    /// Kernels of an integrator for samples that need so many rounds; `chosen` has the choices of its kernel for whole samples.
+    pub(super) fn new(
+        gpu: &Gpu,
+        chosen: &Variant,
+        integrator: choice::Integrator,
+        n_rounds: u32,
+    ) -> Result<Self, GpuError> {
+        let chosen = chosen.clone().with(integrator);
         let kernel = |name| gpu.kernel(name, &chosen.of_kernel(name)?);
         Ok(Self {
             start: kernel(wgsl::render::stream::START)?,
             shade: kernel(wgsl::render::stream::SHADE)?,
             finish: kernel(wgsl::render::stream::FINISH)?,
-            // A ray from the camera, one from each vertex, and one that finds no further vertex.
-            n_rounds: bounces.saturating_add(2),
+            n_rounds,
         })
     }
 
@@ -67,20 +72,20 @@ impl StreamKernels {
 
     /// Most work-groups of a dispatch.
     pub(super) fn max_groups(gpu: &Gpu) -> u32 {
-        let most = if gpu.info().kind == AdapterKind::Software { MAX_PATHS_SOFTWARE } else { MAX_PATHS };
-        let in_binding = gpu.limits().max_storage_buffer_binding_size / (4 * PATH_WORDS) as u64;
+        let most = if gpu.info().kind == AdapterKind::Software { MAX_SAMPLES_SOFTWARE } else { MAX_SAMPLES };
+        let in_binding = gpu.limits().max_storage_buffer_binding_size / (4 * STATE_WORDS) as u64;
         (most.min(usize::try_from(in_binding).unwrap_or(most)) / CELL_PIXELS) as u32
     }
 }
 
 impl Streams {
-    /// Streams of `n` paths.
+    /// Streams of `n` samples.
     pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
         let list = || RayList::new(gpu, n);
         Ok(Self {
             kernels,
             queries: traced.stream_queries(gpu, n)?,
-            paths: gpu.zeroed("paths", n)?,
+            states: gpu.zeroed("states of samples", n)?,
             onward_rays: gpu.zeroed("onward rays", n)?,
             shadow_rays: gpu.zeroed("shadow rays", n)?,
             hits: gpu.zeroed("hits of onward rays", n)?,
@@ -99,12 +104,12 @@ impl Streams {
         bindings: &[NamedBinding<'_>],
         n_groups: u32,
     ) -> Result<(), GpuError> {
-        let Self { kernels, queries, paths, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue } =
+        let Self { kernels, queries, states, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue } =
             self;
         let StreamKernels { start, shade, finish, n_rounds } = kernels;
         let [alive, next] = alive;
         let own: [NamedBinding<'_>; 7] = [
-            ("paths", paths),
+            ("states", states),
             ("onward_rays", onward_rays),
             ("shadow_rays", shadow_rays),
             ("hits", hits),
@@ -134,8 +139,8 @@ impl Streams {
     }
 }
 
-/// The bindings of a kernel that takes the paths of a list and writes another list.
+/// The bindings of a kernel that takes the samples of a list and writes another list.
 fn with_lists<'a>(shared: &[NamedBinding<'a>], [listed, next]: [&'a RayList; 2]) -> Vec<NamedBinding<'a>> {
-    let lists: [NamedBinding<'a>; 2] = [("listed", listed), ("next_paths", next)];
+    let lists: [NamedBinding<'a>; 2] = [("listed", listed), ("next_samples", next)];
     [shared, &lists].concat()
 }
