@@ -28,6 +28,11 @@ fn state_from(start: CameraRay) -> State {
     return path_from(start);
 }
 
+/// Whether a surface scattered the onward ray.
+fn has_scattered(state: State) -> bool {
+    return state.n_scattered > 0u;
+}
+
 // choice integrator/hybrid
 // The hybrid integrator.
 // use shared/hybrid
@@ -36,6 +41,11 @@ alias State = Gathering;
 
 fn state_from(start: CameraRay) -> State {
     return gathering_from(start);
+}
+
+/// Whether a surface scattered the onward ray.
+fn has_scattered(state: State) -> bool {
+    return state.n_vertices > 0u;
 }
 
 // part queues
@@ -135,6 +145,20 @@ fn groups_between(first: u32, n: u32) -> u32 {
     return (first + n + 63u) / 64u - (first + 63u) / 64u;
 }
 
+// part listed
+// The samples that a dispatch takes.
+
+/// As `Queue`.
+struct Listed {
+    x: u32,
+    y: u32,
+    z: u32,
+    n: u32,
+    indices: array<u32>,
+}
+
+@group(1) @binding(11) var<storage, read> listed: Listed;
+
 // part start
 // Starts each sample of the dispatch at the camera.
 // use render/stream/queues
@@ -155,20 +179,12 @@ fn main(id: Invocation) {
 // part shade
 // Advances the listed samples by the answers to their rays.
 // use render/stream/queues
-
-/// As `Queue`.
-struct Listed {
-    x: u32,
-    y: u32,
-    z: u32,
-    n: u32,
-    indices: array<u32>,
-}
+// use render/stream/listed
+// use ?time
 
 @group(1) @binding(9) var<storage, read> hits: array<Hit>;
 /// 1 for shadow rays that hit something, 0 for others, INCOMPLETE for those that no kernel decided.
 @group(1) @binding(10) var<storage, read> found: array<u32>;
-@group(1) @binding(11) var<storage, read> listed: Listed;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -188,6 +204,7 @@ fn main(id: Invocation) {
 /// Advances a sample by the answer to its shadow ray, then by that to its onward ray, if they were sent.
 fn advance_by_answers(state: ptr<function, State>, index: u32) {
     let one = taken(index / 64u, index % 64u);
+    choose_time(one);
     // One call site: compilers inline functions at each call.
     for (var turn = 0u; turn < 2u; turn += 1u) {
         let is_shadow = (*state).stage == TO_LIGHT;
@@ -226,4 +243,83 @@ fn main(id: Invocation) {
         is_incomplete = states[index].stage != DONE;
     }
     keep(group, id.local, one, radiance, n_rays);
+}
+
+// part masked
+// Rays of scenes in which not every hit counts: traced exactly, because what a surface lets through needs its textures and the key of the ray.
+// `?mask` is which hits count, `?time` the time of rays.
+// use render/stream/listed
+// use shared/facing
+// use shared/hash/ray_key
+// use ?traverse
+// use ?mask
+// use ?time
+
+@group(1) @binding(7) var<storage, read> rays: array<Ray>;
+
+/// Sets what the mask reads for the ray of a sample that is at a stage.
+fn prepare(index: u32, stage: u32) -> Ray {
+    let one = taken(index / 64u, index % 64u);
+    var state = states[index];
+    state.stage = stage;
+    choose_time(one);
+    ray_key = key_of(state, one);
+    ray_sample = one.sample;
+    return rays[index];
+}
+
+// part masked/closest
+// The closest hit of each listed onward ray.
+
+@group(1) @binding(9) var<storage, read_write> hits: array<Hit>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= listed.n {
+        return;
+    }
+    let index = listed.indices[entry];
+    let ray = prepare(index, ONWARD);
+    let is_scattered = has_scattered(states[index]);
+    // The hidden face at which a scattered ray that is traced again ends.
+    var hidden = miss();
+    loop {
+        let is_again = hidden.instance != NONE;
+        face_along(ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_again));
+        var hit = traverse(ray, is_again);
+        if is_scattered && !is_again && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
+            hidden = hit;
+            states[index].n_rays += 1u;
+            continue;
+        }
+        if is_again && hit.instance != NONE {
+            // The ray does not leave the scene, so it ends at the hidden face.
+            hit = hidden;
+        }
+        if is_incomplete {
+            hit.instance = INCOMPLETE;
+        }
+        hits[index] = hit;
+        break;
+    }
+}
+
+// part masked/occluded
+// Whether each listed shadow ray hits anything.
+
+/// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
+@group(1) @binding(10) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= listed.n {
+        return;
+    }
+    let index = listed.indices[entry];
+    let ray = prepare(index, TO_LIGHT);
+    face_along(ray.direction, ARRIVING);
+    let is_hit = traverse(ray, true).instance != NONE;
+    found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
 }

@@ -65,11 +65,17 @@ const MOST_STREAMED_LIGHTS: usize = 16;
 fn can_stream(scene: &Scene, settings: &Settings) -> bool {
     let has_few_lights = settings.integrator == Integrator::Path || scene.lights.len() <= MOST_STREAMED_LIGHTS;
     let keeps_parts = settings.aovs.has_components() || settings.aovs.has_factors();
-    has_few_lights && !keeps_parts && !scene.has_motion()
+    has_few_lights && !keeps_parts
 }
 
 /// The kernels of a picture as streams; `chosen` has the choices of its kernel for whole samples.
-fn streams(gpu: &Gpu, chosen: &Variant, scene: &Scene, settings: &Settings) -> Result<LightKernels, GpuError> {
+fn streams(
+    gpu: &Gpu,
+    chosen: &Variant,
+    scene: &Scene,
+    packed: &PackedScene,
+    settings: &Settings,
+) -> Result<LightKernels, GpuError> {
     // A ray from the camera, one from each vertex, and one that finds no further vertex.
     let n_rays = settings.bounces.saturating_add(2);
     let (integrator, n_rounds) = match settings.integrator {
@@ -77,7 +83,7 @@ fn streams(gpu: &Gpu, chosen: &Variant, scene: &Scene, settings: &Settings) -> R
         // Each light takes a round, and the onward ray goes with the last.
         Integrator::Hybrid => (choice::Integrator::Hybrid, n_rays.saturating_mul(scene.lights.len().max(1) as u32)),
     };
-    Ok(LightKernels::Streams(StreamKernels::new(gpu, chosen, integrator, n_rounds)?))
+    Ok(LightKernels::Streams(StreamKernels::new(gpu, chosen, integrator, packed.has_masked_rays(), n_rounds)?))
 }
 
 impl<'a> DevicePicture<'a> {
@@ -189,8 +195,8 @@ impl<'a> DevicePicture<'a> {
             Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
-        let can_stream = can_stream(scene, settings) && packed.accepts_all_hits() && !traced.has_segments();
-        let light = match can_stream.then(|| streams(gpu, &chosen, scene, settings)) {
+        let can_stream = can_stream(scene, settings) && !traced.has_segments();
+        let light = match can_stream.then(|| streams(gpu, &chosen, scene, &packed, settings)) {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
@@ -223,15 +229,14 @@ impl<'a> DevicePicture<'a> {
     /// The same picture with its rays traced as streams or within one kernel, whatever is usual on the device, to compare both.
     ///
     /// # Errors
-    /// Streams of a picture that has none: of scenes with alpha, single-sided materials, motion, curves or many lights, and with parts of the light; a
-    /// limit of the device.
+    /// Streams of a picture that has none: of scenes with curves, of `hybrid` with many lights, and with parts of the light; a limit of the device.
     #[doc(hidden)]
     pub fn with_streams(self, are_wanted: bool) -> Result<Self, DeviceError> {
         if are_wanted && !self.can_stream {
             return Err(DeviceError::Unsupported { what: "this picture as streams of rays" });
         }
         let light = if are_wanted {
-            streams(self.gpu, &self.chosen, self.surfaces.scene(), self.settings)?
+            streams(self.gpu, &self.chosen, self.surfaces.scene(), &self.packed, self.settings)?
         } else {
             let chosen = self.chosen.clone();
             LightKernels::Whole(match self.settings.integrator {
@@ -245,9 +250,10 @@ impl<'a> DevicePicture<'a> {
     /// The buffers that the kernels bind, and their sizes in bytes.
     #[must_use]
     pub fn buffers(&self) -> Vec<(&str, u64)> {
-        let by_queries = match self.kernels.light {
+        let by_queries = match &self.kernels.light {
             LightKernels::Whole(_) => vec![],
-            LightKernels::Streams(_) => self.traced.bindings(),
+            LightKernels::Streams(kernels) if kernels.has_queries() => self.traced.bindings(),
+            LightKernels::Streams(_) => vec![],
         };
         let is_bound = |name: &str| self.kernels.binds(name) || by_queries.iter().any(|(known, _)| *known == name);
         let bound = self.bindings().into_iter().filter(|(name, _)| is_bound(name));

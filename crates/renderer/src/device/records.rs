@@ -66,7 +66,7 @@ impl RenderKernels {
     pub(super) fn binds(&self, name: &str) -> bool {
         let of_light = match &self.light {
             LightKernels::Whole(kernel) => vec![kernel],
-            LightKernels::Streams(kernels) => kernels.all().to_vec(),
+            LightKernels::Streams(kernels) => kernels.all().collect(),
         };
         let binds = |kernel: &Arc<Kernel>| kernel.bindings().iter().any(|binding| binding.name == name);
         of_light.into_iter().chain(&self.guide).any(binds)

@@ -251,9 +251,9 @@ impl PackedScene {
         chosen.with(if self.has.mask_textures { choice::Alpha::Texture } else { choice::Alpha::Plain })
     }
 
-    /// Whether rays stop at every surface: no alpha, no single-sided materials.
-    pub(super) fn accepts_all_hits(&self) -> bool {
-        !self.has.masks && !self.has.single_sided
+    /// Whether rays need more than the BVHs: alpha, sides of faces, or their time.
+    pub(super) fn has_masked_rays(&self) -> bool {
+        self.has.masks || self.has.single_sided || self.has.motion
     }
 
     /// Whether some meshes have curves.

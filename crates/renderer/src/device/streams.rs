@@ -29,6 +29,8 @@ pub(super) struct StreamKernels {
     start: Arc<Kernel>,
     shade: Arc<Kernel>,
     finish: Arc<Kernel>,
+    /// Those that trace onward rays and shadow rays exactly, of scenes in which not every hit counts, or that move.
+    masked: Option<[Arc<Kernel>; 2]>,
     /// How often samples are shaded.
     n_rounds: u32,
 }
@@ -36,7 +38,8 @@ pub(super) struct StreamKernels {
 /// Streams of at most so many samples, with their buffers.
 pub(super) struct Streams {
     kernels: StreamKernels,
-    queries: StreamQueries,
+    /// `None` where the kernels have their own.
+    queries: Option<StreamQueries>,
     states: Buffer<[u32; STATE_WORDS]>,
     onward_rays: Buffer<DeviceRay>,
     shadow_rays: Buffer<DeviceRay>,
@@ -54,6 +57,7 @@ impl StreamKernels {
         gpu: &Gpu,
         chosen: &Variant,
         integrator: choice::Integrator,
+        is_masked: bool,
         n_rounds: u32,
     ) -> Result<Self, GpuError> {
         let chosen = chosen.clone().with(integrator);
@@ -62,12 +66,24 @@ impl StreamKernels {
             start: kernel(wgsl::render::stream::START)?,
             shade: kernel(wgsl::render::stream::SHADE)?,
             finish: kernel(wgsl::render::stream::FINISH)?,
+            masked: match is_masked {
+                true => Some([
+                    kernel(wgsl::render::stream::masked::CLOSEST)?,
+                    kernel(wgsl::render::stream::masked::OCCLUDED)?,
+                ]),
+                false => None,
+            },
             n_rounds,
         })
     }
 
-    pub(super) fn all(&self) -> [&Arc<Kernel>; 3] {
-        [&self.start, &self.shade, &self.finish]
+    pub(super) fn all(&self) -> impl Iterator<Item = &Arc<Kernel>> {
+        [&self.start, &self.shade, &self.finish].into_iter().chain(self.masked.iter().flatten())
+    }
+
+    /// Whether kernels of [`TracedScene`] trace the rays.
+    pub(super) fn has_queries(&self) -> bool {
+        self.masked.is_none()
     }
 
     /// Most work-groups of a dispatch.
@@ -83,8 +99,8 @@ impl Streams {
     pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
         let list = || RayList::new(gpu, n);
         Ok(Self {
+            queries: kernels.has_queries().then(|| traced.stream_queries(gpu, n)).transpose()?,
             kernels,
-            queries: traced.stream_queries(gpu, n)?,
             states: gpu.zeroed("states of samples", n)?,
             onward_rays: gpu.zeroed("onward rays", n)?,
             shadow_rays: gpu.zeroed("shadow rays", n)?,
@@ -106,7 +122,7 @@ impl Streams {
     ) -> Result<(), GpuError> {
         let Self { kernels, queries, states, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue } =
             self;
-        let StreamKernels { start, shade, finish, n_rounds } = kernels;
+        let StreamKernels { start, shade, finish, masked, n_rounds } = kernels;
         let [alive, next] = alive;
         let own: [NamedBinding<'_>; 7] = [
             ("states", states),
@@ -124,10 +140,14 @@ impl Streams {
         let groups = |kernel: &Kernel| kernel.groups(n_groups * kernel.group_size());
         commands.dispatch(start, &with_lists(&shared, [next, alive]), groups(start))?;
         let mut lists = [&*alive, &*next];
-        for round in 0..*n_rounds {
-            queries.record_closest_hits(traced, commands, onward_queue, onward_rays, hits)?;
-            if round > 0 {
+        for _ in 0..*n_rounds {
+            if let Some(queries) = queries {
+                queries.record_closest_hits(traced, commands, onward_queue, onward_rays, hits)?;
                 queries.record_occluded(traced, commands, shadow_queue, shadow_rays, found)?;
+            }
+            if let Some([closest, occluded]) = masked {
+                onward_queue.dispatch(commands, closest, &with_rays(&shared, onward_queue, onward_rays))?;
+                shadow_queue.dispatch(commands, occluded, &with_rays(&shared, shadow_queue, shadow_rays))?;
             }
             for list in [&*onward_queue, &*shadow_queue, lists[1]] {
                 list.clear(commands);
@@ -143,4 +163,10 @@ impl Streams {
 fn with_lists<'a>(shared: &[NamedBinding<'a>], [listed, next]: [&'a RayList; 2]) -> Vec<NamedBinding<'a>> {
     let lists: [NamedBinding<'a>; 2] = [("listed", listed), ("next_samples", next)];
     [shared, &lists].concat()
+}
+
+/// The bindings of a kernel that traces the rays of a list.
+fn with_rays<'a>(shared: &[NamedBinding<'a>], list: &'a RayList, rays: &'a Buffer<DeviceRay>) -> Vec<NamedBinding<'a>> {
+    let own: [NamedBinding<'a>; 2] = [("listed", list), ("rays", rays)];
+    [shared, &own].concat()
 }
