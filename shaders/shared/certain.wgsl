@@ -230,8 +230,8 @@ fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
     return vec2<u32>(entered & ~leaves, leaves);
 }
 
-/// Tests the triangle at a quad, and keeps what is certain about its hit.
-fn decide_triangle(at: u32) {
+/// Tests the triangle at a quad, and keeps what is certain about its hit: nothing where `is_masked`.
+fn decide_triangle(at: u32, is_masked: bool) {
     let a = vertex(at) - shear.origin;
     let b = vertex(at + 1u) - shear.origin;
     let c = vertex(at + 2u) - shear.origin;
@@ -261,7 +261,7 @@ fn decide_triangle(at: u32) {
     let weights = edges * inverse;
     let off = max(abs(weights.x * p.x + (weights.y * q.x + weights.z * r.x)), abs(weights.x * p.y + (weights.y * q.y + weights.z * r.y)));
     let is_in = min(low.x, min(low.y, low.z)) > 0.0 || max(high.x, max(high.y, high.z)) < 0.0;
-    if !is_in {
+    if is_masked || !is_in {
         doubt = min(doubt, comparable(first));
         return;
     }
@@ -312,7 +312,15 @@ fn keep(t: f32, error: f32, at: u32) {
 
 /// Tests the triangle at a quad, and keeps what is certain about its hit.
 fn decide(at: u32) {
-    decide_triangle(at);
+    decide_triangle(at, false);
+}
+
+// choice decide/masked
+// BVHs over triangles, of which some are marked: whether a hit of those counts is decided by exact kernels with more than the geometry, such as textures.
+
+/// Tests the triangle at a quad, and keeps what is certain about its hit.
+fn decide(at: u32) {
+    decide_triangle(at, leaf_triangles[at + 1u].w != 0u);
 }
 
 // choice decide/curves
@@ -324,6 +332,6 @@ fn decide(at: u32) {
     if is_of_segments() {
         decide_segment(at);
     } else {
-        decide_triangle(at);
+        decide_triangle(at, false);
     }
 }

@@ -228,7 +228,7 @@ fn kernels_without_checks_answer_as_those_with_them() {
         let inputs = || {
             [
                 (Source::wide(&flat), Options::default()),
-                (Source::wide(&flat), Options { parts: &[0, 7] }),
+                (Source::wide(&flat), Options { parts: &[0, 7], ..Options::default() }),
                 (Source::tlas(&bottom, &instances), Options::default()),
                 (Source::tlas(&bottom, &moving), Options::default()),
             ]

@@ -23,7 +23,7 @@ const LEAF_FIRST: u32 = 0x03ff_ffff;
 /// Most triangles that the words of leaves can name.
 pub(super) const MOST_TRIANGLES: usize = 1 << 26;
 
-/// A triangle: a vertex in each quad, and its number in the last word of the first. A round segment: the ends in two quads, its number as for a
+/// A triangle: a vertex in each quad, its number in the last word of the first, and whether it is masked in that of the second. A round segment: the ends in two quads, its number as for a
 /// triangle, and the radii in the third.
 pub(super) type LeafTriangle = [Quad; 3];
 
@@ -41,13 +41,17 @@ impl<'a> UploadedBvh<'a> {
         Self { words, triangles: vec![] }
     }
 
-    /// A BVH over triangles, whose leaves are numbered anew.
-    pub(super) fn over_triangles(mut words: RawBvh<'a>) -> Self {
+    /// A BVH over triangles, whose leaves are numbered anew. `masked` marks triangles by their numbers; those beyond its end are not marked.
+    pub(super) fn over_triangles(mut words: RawBvh<'a>, masked: &[bool]) -> Self {
         let blocks = words.blocks;
         let mut triangles = Vec::with_capacity(blocks.len() / ROWS);
         each_leaf(words.nodes.to_mut(), &mut words.root, |leaf| {
             let first = triangles.len();
-            triangles.extend((0..size_of(*leaf)).map(|i| triangle_of(blocks, *leaf, i)));
+            triangles.extend((0..size_of(*leaf)).map(|i| {
+                let [a, mut b, c] = triangle_of(blocks, *leaf, i);
+                b[3] = masked.get(a[3] as usize).copied().unwrap_or(false).into();
+                [a, b, c]
+            }));
             *leaf = *leaf & !LEAF_FIRST | first as u32 & LEAF_FIRST;
         });
         Self { words, triangles }
@@ -153,7 +157,7 @@ mod tests {
             let costs = Costs { aligned_node: 100.0, oriented_node: 1e6, leaf: 0.1, block: 0.1, max_leaf };
             let bvh = TriangleBvh::build_with(&positions, &indices, Config { costs, ..Config::default() }).unwrap();
             let raw = bvh.raw();
-            let uploaded = UploadedBvh::over_triangles(raw.clone());
+            let uploaded = UploadedBvh::over_triangles(raw.clone(), &[]);
             assert_eq!(uploaded.triangles.len(), n);
             for [a, b, c] in &uploaded.triangles {
                 let at = indices[a[3] as usize].map(|vertex| positions[vertex as usize].map(f32::to_bits));
@@ -164,7 +168,7 @@ mod tests {
             let quads = uploaded.triangles.as_flattened();
             let blocks = in_blocks(&mut nodes, &mut root, quads).unwrap();
             let back =
-                UploadedBvh::over_triangles(RawBvh { nodes: nodes.into(), blocks: &blocks, root, ..raw.clone() });
+                UploadedBvh::over_triangles(RawBvh { nodes: nodes.into(), blocks: &blocks, root, ..raw.clone() }, &[]);
             assert_eq!(back.triangles, uploaded.triangles);
             assert_eq!(back.words.nodes, uploaded.words.nodes);
             // One triangle less than the leaves name.

@@ -294,6 +294,17 @@ pub(super) enum Kernels {
     CertainFirst { certain: Vec<Arc<Kernel>>, listed: Option<Arc<Kernel>> },
 }
 
+impl Kernels {
+    /// The same with another kernel for what is traced exactly.
+    pub(super) fn with_exact(self, exact: Arc<Kernel>) -> Self {
+        match self {
+            Self::Host => Self::Host,
+            Self::Exact(_) => Self::Exact(exact),
+            Self::CertainFirst { certain, .. } => Self::CertainFirst { certain, listed: Some(exact) },
+        }
+    }
+}
+
 /// Maximum number of rays in a binding.
 fn max_rays(gpu: &Gpu) -> usize {
     let limits = gpu.limits();

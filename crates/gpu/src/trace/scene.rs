@@ -38,6 +38,8 @@ pub struct TracedScene {
     max_iterations: u32,
     /// Whether some rays hit an instance and others do not.
     pub(super) has_masks: bool,
+    /// Whether hits of some triangles are for kernels of the caller to decide.
+    pub(super) has_masked: bool,
     /// Whether exact kernels trace all rays.
     is_exact: bool,
     /// Rays that exact kernels traced.
@@ -65,7 +67,7 @@ impl TracedScene {
     /// strategy; more than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is too close to singular at any time, see
     /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); a limit of the device, or device lost.
     pub async fn new(gpu: &Gpu, source: Source<'_>, options: Options<'_>) -> Result<Self, GpuError> {
-        let Options { parts } = options;
+        let Options { parts, masked } = options;
         let levels = match source.instances() {
             Some(_) if !parts.is_empty() => {
                 return Err(GpuError::Input { message: "parts of meshes as instances in two levels".to_owned() });
@@ -74,14 +76,21 @@ impl TracedScene {
             None => Levels::One(parts),
         };
         match &source {
-            Source::Wide(bvh) => Self::uploaded(gpu, &[*bvh], levels).await,
-            Source::Tlas { bvhs, .. } => Self::uploaded(gpu, bvhs, levels).await,
+            Source::Wide(bvh) => Self::uploaded(gpu, &[*bvh], masked, levels).await,
+            Source::Tlas { bvhs, .. } => Self::uploaded(gpu, bvhs, masked, levels).await,
             Source::Build { meshes, bvh, .. } => Self::built(gpu, meshes, *bvh, levels).await,
         }
     }
 
     /// Uploads BVHs; builds and uploads one over the instances.
-    async fn uploaded(gpu: &Gpu, meshes: &[HostBvh<'_>], levels: Levels<'_>) -> Result<Self, GpuError> {
+    async fn uploaded(
+        gpu: &Gpu,
+        meshes: &[HostBvh<'_>],
+        masked: &[Vec<bool>],
+        levels: Levels<'_>,
+    ) -> Result<Self, GpuError> {
+        let has_masked = masked.iter().flatten().any(|is_masked| *is_masked);
+        let masked = |mesh: usize| masked.get(mesh).map_or(&[][..], Vec::as_slice);
         let raw: Vec<RawBvh<'_>> = meshes.iter().map(|mesh| mesh.raw()).collect();
         let bounds: Vec<MeshBounds> = meshes.iter().zip(&raw).map(|(mesh, words)| mesh.bounds(words)).collect();
         let has_segments = bounds.iter().any(|mesh| mesh.is_of_segments);
@@ -90,11 +99,12 @@ impl TracedScene {
             Levels::One(first_triangles) => {
                 check_coordinates(|| "the scene".to_owned(), raw[0].reach.into())?;
                 check_depth(deepest)?;
-                let bvh = meshes[0].uploaded(&raw[0])?;
+                let bvh = meshes[0].uploaded(&raw[0], masked(0))?;
                 let all = [(bvh, HitError::of_triangles(raw[0].reach))];
                 let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
                 let level = Level::flat(first_triangles);
-                return Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await;
+                let scene = Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await?;
+                return Ok(Self { has_masked, ..scene });
             }
             Levels::Two(instances) => instances,
         };
@@ -104,11 +114,12 @@ impl TracedScene {
         check_depth(depth)?;
         let order = outer.order(&words);
         let mut all = vec![(UploadedBvh::over_instances(words), outer.packing.error)];
-        for (mesh, words) in meshes.iter().zip(&raw) {
-            all.push((mesh.uploaded(words)?, HitError::of_triangles(words.reach)));
+        for (number, (mesh, words)) in meshes.iter().zip(&raw).enumerate() {
+            all.push((mesh.uploaded(words, masked(number))?, HitError::of_triangles(words.reach)));
         }
         let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
-        Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await
+        let scene = Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await?;
+        Ok(Self { has_masked, ..scene })
     }
 
     /// Builds on the device. Read back are the depth of the trees, which sizes the stack, and the boxes of the roots, from which the CPU
@@ -178,7 +189,8 @@ impl TracedScene {
         let max_iterations = iteration_limit(longest_loop(gpu).await?);
         let tables = Tables::new(gpu, headers, level, nodes.are_final())?;
         let (has_masks, n_exact_rays) = (level.has_masks(), AtomicU64::new(0));
-        Ok(Self { nodes, tables, depth, max_iterations, has_masks, is_exact: false, n_exact_rays })
+        let (has_masked, is_exact) = (false, false);
+        Ok(Self { nodes, tables, depth, max_iterations, has_masks, has_masked, is_exact, n_exact_rays })
     }
 
     /// Headers, and what is above the BVHs of meshes.
@@ -205,6 +217,12 @@ impl TracedScene {
         }
     }
 
+    /// Whether some triangles are [masked](crate::Options::masked).
+    #[must_use]
+    pub fn has_masked(&self) -> bool {
+        self.has_masked
+    }
+
     /// Whether the scene has round segments.
     #[must_use]
     pub fn has_segments(&self) -> bool {
@@ -224,9 +242,10 @@ impl TracedScene {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
-        let (decide, weights) = match self.has_segments() {
-            false => (choice::Decide::Triangles, choice::Weights::Triangles),
-            true => (choice::Decide::Curves, choice::Weights::Curves),
+        let (decide, weights) = match (self.has_segments(), self.has_masked) {
+            (false, false) => (choice::Decide::Triangles, choice::Weights::Triangles),
+            (false, true) => (choice::Decide::Masked, choice::Weights::Triangles),
+            (true, _) => (choice::Decide::Curves, choice::Weights::Curves),
         };
         Ok(Some(self.specialize(chosen).with(decide).with(weights).of_kernel(kernel)?))
     }

@@ -75,9 +75,9 @@ impl<'a> HostBvh<'a> {
     }
 
     /// The BVH as it is uploaded.
-    pub(super) fn uploaded<'w>(self, words: &RawBvh<'w>) -> Result<UploadedBvh<'w>, GpuError> {
+    pub(super) fn uploaded<'w>(self, words: &RawBvh<'w>, masked: &[bool]) -> Result<UploadedBvh<'w>, GpuError> {
         let (bvh, what) = match self {
-            Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words)), "triangles"),
+            Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words), masked), "triangles"),
             Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
         };
         let n = bvh.triangles.len();
@@ -95,6 +95,10 @@ impl<'a> HostBvh<'a> {
 pub struct Options<'a> {
     /// In one level: the first triangle of each instance that the triangles belong to, in order. Empty: they belong to one instance.
     pub parts: &'a [u32],
+    /// Of each BVH that the CPU built, by number: whether a hit of the triangle counts only where a kernel of the caller says so, e.g. by the alpha of a texture.
+    /// The caller's kernels then trace the rays that may hit such a triangle first ([`TracedScene::stream_queries`](crate::TracedScene::stream_queries)). A
+    /// BVH without an entry has none.
+    pub masked: &'a [Vec<bool>],
 }
 
 /// What is above the BVHs.

@@ -1,5 +1,7 @@
 //! Queries of rays that kernels write, without a read-back: pictures trace paths by them.
 
+use std::sync::Arc;
+
 use canted_shaders::choice;
 
 use super::layout::{DeviceHit, DeviceRay};
@@ -7,7 +9,7 @@ use super::query::{CLOSEST, Kernels, OCCLUDED};
 use super::ray_list::RayList;
 use super::scene::TracedScene;
 use crate::commands::AsBinding;
-use crate::{Buffer, Commands, Gpu, GpuError, NamedBinding};
+use crate::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
 /// Most queries whose exact rays are counted; those of later ones are counted with the last.
 const MAX_COUNTED: usize = 256;
@@ -24,17 +26,31 @@ pub struct StreamQueries {
 }
 
 impl TracedScene {
-    /// Queries of at most `n` rays that kernels write.
+    /// Queries of at most `n` rays that kernels write. `own`: the caller's kernels of closest hits and of occlusion, which trace the rays of a list exactly in
+    /// place of those of this crate, and decide which hits of [masked triangles](crate::Options::masked) count.
     ///
     /// # Errors
     /// A scene with round segments, some of whose rays the CPU must trace; a limit of the device.
-    pub fn stream_queries(&self, gpu: &Gpu, n: usize) -> Result<StreamQueries, GpuError> {
+    pub fn stream_queries(
+        &self,
+        gpu: &Gpu,
+        n: usize,
+        own: Option<[Arc<Kernel>; 2]>,
+    ) -> Result<StreamQueries, GpuError> {
+        let [own_closest, own_occluded] = own.map_or([None, None], |own| own.map(Some));
+        let kernels = |names, own: Option<Arc<Kernel>>| {
+            let kernels = self.kernels(gpu, names, choice::Each::Listed)?;
+            Ok::<_, GpuError>(match own {
+                None => kernels,
+                Some(own) => kernels.with_exact(own),
+            })
+        };
         if self.has_segments() {
             return Err(GpuError::Unsupported { what: "streams of rays through round segments".to_owned() });
         }
         Ok(StreamQueries {
-            closest: self.kernels(gpu, &CLOSEST, choice::Each::Listed)?,
-            occluded: self.kernels(gpu, &OCCLUDED, choice::Each::Listed)?,
+            closest: kernels(&CLOSEST, own_closest)?,
+            occluded: kernels(&OCCLUDED, own_occluded)?,
             undecided: RayList::new(gpu, n)?,
             counts: gpu.zeroed("exact rays of queries", MAX_COUNTED)?,
             n_counted: 0,
@@ -43,19 +59,20 @@ impl TracedScene {
 }
 
 impl StreamQueries {
-    /// Adds the dispatches that write the closest hit of each listed ray.
+    /// Adds the dispatches that write the closest hit of each listed ray. `bound` has the [bindings of the scene](TracedScene::bindings), and what kernels
+    /// of the caller bind.
     ///
     /// # Errors
     /// A variable is missing.
     pub fn record_closest_hits(
         &mut self,
-        scene: &TracedScene,
+        bound: &[NamedBinding<'_>],
         commands: &mut Commands<'_>,
         list: &RayList,
         rays: &Buffer<DeviceRay>,
         hits: &Buffer<DeviceHit>,
     ) -> Result<(), GpuError> {
-        self.record(scene, commands, true, list, [("rays", rays), ("hits", hits)])
+        self.record(bound, commands, true, list, [("rays", rays), ("hits", hits)])
     }
 
     /// Adds the dispatches that write whether each listed ray hits anything: 1 for a hit, 0 for a miss.
@@ -64,26 +81,24 @@ impl StreamQueries {
     /// A variable is missing.
     pub fn record_occluded(
         &mut self,
-        scene: &TracedScene,
+        bound: &[NamedBinding<'_>],
         commands: &mut Commands<'_>,
         list: &RayList,
         rays: &Buffer<DeviceRay>,
         found: &Buffer<u32>,
     ) -> Result<(), GpuError> {
-        self.record(scene, commands, false, list, [("rays", rays), ("found", found)])
+        self.record(bound, commands, false, list, [("rays", rays), ("found", found)])
     }
 
     fn record(
         &mut self,
-        scene: &TracedScene,
+        bound: &[NamedBinding<'_>],
         commands: &mut Commands<'_>,
         is_closest: bool,
         list: &RayList,
         own: [NamedBinding<'_>; 2],
     ) -> Result<(), GpuError> {
-        let mut bound = scene.bindings();
-        bound.extend(own);
-        bound.push(("undecided", &self.undecided));
+        let bound = [bound, &own, &[("undecided", &self.undecided as &dyn AsBinding)]].concat();
         let of_list = [&bound[..], &[("listed", list as &dyn AsBinding)]].concat();
         let of_undecided = [&bound[..], &[("listed", &self.undecided as &dyn AsBinding)]].concat();
         match if is_closest { &self.closest } else { &self.occluded } {

@@ -71,7 +71,12 @@ fn a_single_level_scene_is_traced() {
 fn triangles_of_a_flattened_scene_belong_to_instances() {
     let gpu = gpu();
     // The second instance has no triangles.
-    let scene = block_on(TracedScene::new(&gpu, Source::wide(&floor(4)), Options { parts: &[0, 8, 8, 31] })).unwrap();
+    let scene = block_on(TracedScene::new(
+        &gpu,
+        Source::wide(&floor(4)),
+        Options { parts: &[0, 8, 8, 31], ..Options::default() },
+    ))
+    .unwrap();
     let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
 }
@@ -95,7 +100,7 @@ fn empty_scenes_have_no_hits() {
     let rays = [down(0.0, 0.0)];
     let empty = nothing();
     for scene in [
-        TracedScene::new(&gpu, Source::wide(&empty), Options { parts: &[] }),
+        TracedScene::new(&gpu, Source::wide(&empty), Options { parts: &[], ..Options::default() }),
         TracedScene::new(&gpu, Source::tlas::<&TriangleBvh>([], &[]), Options::default()),
         TracedScene::new(&gpu, Source::tlas([&empty], &[Instance::new(0, Affine::IDENTITY)]), Options::default()),
     ] {

@@ -38,7 +38,6 @@ pub(super) struct Found<'a, R> {
 /// Takes samples of cells on a GPU, and returns records of them.
 pub(super) struct SampleDispatcher<'a, R> {
     gpu: &'a Gpu,
-    traced: &'a TracedScene,
     kernels: ReadyKernels,
     slice: Buffer<Slice>,
     records: Buffer<R>,
@@ -53,7 +52,7 @@ pub(super) struct SampleDispatcher<'a, R> {
 }
 
 impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
-    pub(super) fn new(gpu: &'a Gpu, traced: &'a TracedScene, kernels: RenderKernels) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &'a Gpu, traced: &TracedScene, kernels: RenderKernels) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, block: 1 };
         let slice = gpu.uniform("slice", &slice)?;
         let kernels = ReadyKernels::new(gpu, traced, kernels, MAX)?;
@@ -63,7 +62,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n_samples)).transpose()?;
         let components = kernels.has_components.then(|| gpu.zeroed("components", n_samples)).transpose()?;
         let first_light = kernels.has_first_light.then(|| gpu.zeroed("first_light", n_samples)).transpose()?;
-        Ok(Self { gpu, traced, kernels, slice, records, guides, components, first_light, n_groups: FIRST.min(n) })
+        Ok(Self { gpu, kernels, slice, records, guides, components, first_light, n_groups: FIRST.min(n) })
     }
 
     /// Cells that fill a dispatch if each takes `n_samples` samples.
@@ -131,7 +130,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
         let kept = guides.into_iter().chain(components).chain(first_light);
         let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
-        self.kernels.run(self.gpu, self.traced, &bindings, n)?;
+        self.kernels.run(self.gpu, &bindings, n)?;
         let time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
         found.records.extend(block_on(self.gpu.read_first(&self.records, n_samples / slice.block as usize))?);

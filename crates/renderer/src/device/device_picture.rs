@@ -73,7 +73,7 @@ fn streams(
     gpu: &Gpu,
     chosen: &Variant,
     scene: &Scene,
-    packed: &PackedScene,
+    (packed, traced): (&PackedScene, &TracedScene),
     settings: &Settings,
 ) -> Result<LightKernels, GpuError> {
     // A ray from the camera, one from each vertex, and one that finds no further vertex.
@@ -83,7 +83,13 @@ fn streams(
         // Each light takes a round, and the onward ray goes with the last.
         Integrator::Hybrid => (choice::Integrator::Hybrid, n_rays.saturating_mul(scene.lights.len().max(1) as u32)),
     };
-    Ok(LightKernels::Streams(StreamKernels::new(gpu, chosen, integrator, packed.has_masked_rays(), n_rounds)?))
+    Ok(LightKernels::Streams(StreamKernels::new(
+        gpu,
+        chosen,
+        integrator,
+        packed.masked(traced.has_masked()),
+        n_rounds,
+    )?))
 }
 
 impl<'a> DevicePicture<'a> {
@@ -196,7 +202,7 @@ impl<'a> DevicePicture<'a> {
             Integrator::Path => chosen.clone(),
         };
         let can_stream = can_stream(scene, settings) && !traced.has_segments();
-        let light = match can_stream.then(|| streams(gpu, &chosen, scene, &packed, settings)) {
+        let light = match can_stream.then(|| streams(gpu, &chosen, scene, (&packed, &traced), settings)) {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
@@ -236,7 +242,7 @@ impl<'a> DevicePicture<'a> {
             return Err(DeviceError::Unsupported { what: "this picture as streams of rays" });
         }
         let light = if are_wanted {
-            streams(self.gpu, &self.chosen, self.surfaces.scene(), &self.packed, self.settings)?
+            streams(self.gpu, &self.chosen, self.surfaces.scene(), (&self.packed, &self.traced), self.settings)?
         } else {
             let chosen = self.chosen.clone();
             LightKernels::Whole(match self.settings.integrator {

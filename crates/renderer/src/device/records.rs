@@ -118,18 +118,12 @@ impl ReadyKernels {
     }
 
     /// Takes the samples of `n` work-groups and waits for them.
-    pub(super) fn run(
-        &mut self,
-        gpu: &Gpu,
-        traced: &TracedScene,
-        bindings: &[NamedBinding<'_>],
-        n: u32,
-    ) -> Result<(), GpuError> {
+    pub(super) fn run(&mut self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         let mut commands = gpu.commands();
         let groups = |kernel: &Kernel| kernel.groups(n * kernel.group_size());
         match &mut self.light {
             ReadyLight::Whole(kernel) => commands.dispatch(kernel, bindings, groups(kernel))?,
-            ReadyLight::Streams(streams) => streams.record(&mut commands, traced, bindings, n)?,
+            ReadyLight::Streams(streams) => streams.record(&mut commands, bindings, n)?,
         }
         if let Some(guide) = &self.guide {
             commands.dispatch(guide, bindings, groups(guide))?;

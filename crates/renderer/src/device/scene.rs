@@ -9,6 +9,7 @@ use super::lights::SampledLights;
 use super::materials::{
     Columns, ImageHeads, Images, Materials, PackedHair, PackedMaterial, Slot, Texels, used_textures,
 };
+use super::streams::Masked;
 use crate::light::{ListLight, is_shape};
 use crate::surface::hit_filter;
 use crate::texture::Textures;
@@ -251,9 +252,13 @@ impl PackedScene {
         chosen.with(if self.has.mask_textures { choice::Alpha::Texture } else { choice::Alpha::Plain })
     }
 
-    /// Whether rays need more than the BVHs: alpha, sides of faces, or their time.
-    pub(super) fn has_masked_rays(&self) -> bool {
-        self.has.masks || self.has.single_sided || self.has.motion
+    /// Which rays need more than the BVHs, if those mark the triangles with alpha or do not.
+    pub(super) fn masked(&self, are_marked: bool) -> Masked {
+        match (self.has.single_sided || self.has.motion, self.has.masks) {
+            (false, false) => Masked::None,
+            (false, true) if are_marked => Masked::Some,
+            _ => Masked::All,
+        }
     }
 
     /// Whether some meshes have curves.

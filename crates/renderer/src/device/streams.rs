@@ -31,8 +31,21 @@ pub(super) struct StreamKernels {
     finish: Arc<Kernel>,
     /// Those that trace onward rays and shadow rays exactly, of scenes in which not every hit counts, or that move.
     masked: Option<[Arc<Kernel>; 2]>,
+    /// Whether these trace all rays.
+    are_all_masked: bool,
     /// How often samples are shaded.
     n_rounds: u32,
+}
+
+/// Which rays need more than the BVHs: alpha, sides of faces, or their time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Masked {
+    /// None.
+    None,
+    /// Those that may hit masked triangles of the [`TracedScene`] first.
+    Some,
+    /// All.
+    All,
 }
 
 /// Streams of at most so many samples, with their buffers.
@@ -57,7 +70,7 @@ impl StreamKernels {
         gpu: &Gpu,
         chosen: &Variant,
         integrator: choice::Integrator,
-        is_masked: bool,
+        masked: Masked,
         n_rounds: u32,
     ) -> Result<Self, GpuError> {
         let chosen = chosen.clone().with(integrator);
@@ -66,13 +79,14 @@ impl StreamKernels {
             start: kernel(wgsl::render::stream::START)?,
             shade: kernel(wgsl::render::stream::SHADE)?,
             finish: kernel(wgsl::render::stream::FINISH)?,
-            masked: match is_masked {
-                true => Some([
+            masked: match masked {
+                Masked::None => None,
+                Masked::Some | Masked::All => Some([
                     kernel(wgsl::render::stream::masked::CLOSEST)?,
                     kernel(wgsl::render::stream::masked::OCCLUDED)?,
                 ]),
-                false => None,
             },
+            are_all_masked: masked == Masked::All,
             n_rounds,
         })
     }
@@ -81,9 +95,9 @@ impl StreamKernels {
         [&self.start, &self.shade, &self.finish].into_iter().chain(self.masked.iter().flatten())
     }
 
-    /// Whether kernels of [`TracedScene`] trace the rays.
+    /// Whether kernels of [`TracedScene`] trace rays.
     pub(super) fn has_queries(&self) -> bool {
-        self.masked.is_none()
+        !self.are_all_masked
     }
 
     /// Most work-groups of a dispatch.
@@ -99,7 +113,10 @@ impl Streams {
     pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
         let list = || RayList::new(gpu, n);
         Ok(Self {
-            queries: kernels.has_queries().then(|| traced.stream_queries(gpu, n)).transpose()?,
+            queries: match kernels.has_queries() {
+                true => Some(traced.stream_queries(gpu, n, kernels.masked.clone())?),
+                false => None,
+            },
             kernels,
             states: gpu.zeroed("states of samples", n)?,
             onward_rays: gpu.zeroed("onward rays", n)?,
@@ -116,13 +133,12 @@ impl Streams {
     pub(super) fn record(
         &mut self,
         commands: &mut Commands<'_>,
-        traced: &TracedScene,
         bindings: &[NamedBinding<'_>],
         n_groups: u32,
     ) -> Result<(), GpuError> {
         let Self { kernels, queries, states, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue } =
             self;
-        let StreamKernels { start, shade, finish, masked, n_rounds } = kernels;
+        let StreamKernels { start, shade, finish, masked, n_rounds, .. } = kernels;
         let [alive, next] = alive;
         let own: [NamedBinding<'_>; 7] = [
             ("states", states),
@@ -142,10 +158,9 @@ impl Streams {
         let mut lists = [&*alive, &*next];
         for _ in 0..*n_rounds {
             if let Some(queries) = queries {
-                queries.record_closest_hits(traced, commands, onward_queue, onward_rays, hits)?;
-                queries.record_occluded(traced, commands, shadow_queue, shadow_rays, found)?;
-            }
-            if let Some([closest, occluded]) = masked {
+                queries.record_closest_hits(&shared, commands, onward_queue, onward_rays, hits)?;
+                queries.record_occluded(&shared, commands, shadow_queue, shadow_rays, found)?;
+            } else if let Some([closest, occluded]) = masked {
                 onward_queue.dispatch(commands, closest, &with_rays(&shared, onward_queue, onward_rays))?;
                 shadow_queue.dispatch(commands, occluded, &with_rays(&shared, shadow_queue, shadow_rays))?;
             }

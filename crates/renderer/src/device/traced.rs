@@ -5,7 +5,7 @@ use std::ops::Deref;
 use canted_gpu::build::BuildConfig;
 use canted_gpu::{DeviceBvh, Gpu, HostBvh, Options, Source, TracedScene, block_on};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
-use canted_scene::Scene;
+use canted_scene::{Instance, Material, Mesh, Part, Scene};
 
 use super::{DeviceError, DeviceFrames};
 use crate::scene_bvh::{flatten_distinct, has_one_level, instances};
@@ -94,16 +94,48 @@ pub fn traced_frame<'a>(
 
 fn uploaded(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh, kind: Kind<'_>) -> Result<TracedScene, DeviceError> {
     Ok(match (kind, bvh.levels()) {
-        (Kind::Wide(meshes), SceneLevels::One(flat)) => {
-            block_on(TracedScene::new(gpu, Source::Wide(meshes[0]), Options { parts: &flat.first }))?
-        }
+        (Kind::Wide(meshes), SceneLevels::One(flat)) => block_on(TracedScene::new(
+            gpu,
+            Source::Wide(meshes[0]),
+            Options { parts: &flat.first, masked: &[masked_of_instances(scene)] },
+        ))?,
         (Kind::Wide(meshes), SceneLevels::Two(_)) => {
-            block_on(TracedScene::new(gpu, Source::tlas(meshes, &instances(scene)), Options::default()))?
+            let masked: Vec<Vec<bool>> = scene.meshes.iter().map(|mesh| masked_of_mesh(scene, mesh)).collect();
+            let options = Options { masked: &masked, ..Options::default() };
+            block_on(TracedScene::new(gpu, Source::tlas(meshes, &instances(scene)), options))?
         }
         (Kind::Binary(strategy), _) => {
             built(gpu, scene, matches!(bvh.levels(), SceneLevels::One(_)), config(strategy).into())?
         }
     })
+}
+
+/// The triangles of a mesh at which alpha decides whether a hit counts; empty where there are none.
+fn masked_of_mesh(scene: &Scene, mesh: &Mesh) -> Vec<bool> {
+    let uses_alpha = |part: &Part| scene.materials[part.material.0 as usize].uses_alpha();
+    if !mesh.parts.iter().any(uses_alpha) {
+        return vec![];
+    }
+    let mut masked = vec![false; mesh.triangles.len()];
+    for part in &mesh.parts {
+        // Later parts overwrite what is behind their first triangle.
+        masked[part.first_triangle as usize..].fill(uses_alpha(part));
+    }
+    masked
+}
+
+/// The same of all instances in one level.
+fn masked_of_instances(scene: &Scene) -> Vec<bool> {
+    if !scene.materials.iter().any(Material::uses_alpha) {
+        return vec![];
+    }
+    let of_instance = |instance: &Instance| {
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let mut masked = masked_of_mesh(scene, mesh);
+        masked.resize(mesh.triangles.len(), false);
+        masked
+    };
+    scene.instances.iter().flat_map(of_instance).collect()
 }
 
 /// BVHs of a scene that the device builds from its triangles, in as many levels as [`SceneBvh::build`](crate::SceneBvh::build) with `config`
@@ -131,7 +163,11 @@ fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<Trac
     if is_flat {
         let (positions, triangles, first) = flatten_distinct(scene)?;
         let corners = corners(&positions, &triangles)?;
-        return Ok(block_on(TracedScene::new(gpu, Source::build([&corners], bvh), Options { parts: &first }))?);
+        return Ok(block_on(TracedScene::new(
+            gpu,
+            Source::build([&corners], bvh),
+            Options { parts: &first, ..Options::default() },
+        ))?);
     }
     let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &coincident::of_mesh(scene, mesh)));
     let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
