@@ -5,7 +5,7 @@
 //! What is proved, of the kernels of [`PROVED`]:
 //!
 //! * *Rays and answers*: an invocation without a ray returns first, by `arrayLength` of the rays. The host refuses fewer answers, and a list
-//!   of undecided rays that is not longer than the rays (`trace/query`).
+//!   of undecided rays that is not longer than the rays (`trace/query`). A list of rays names those that a kernel wrote to the same places (`trace/stream`).
 //! * *Nodes, triangles, instances*: a BVH of the CPU is checked when it is built or loaded, so its words refer to its own nodes and triangles; nodes
 //!   that the device builds are numbered from the sorted codes alone, whatever the vertices are. The top level refers to the uploaded instances.
 //! * *The stack*: it has an entry for each level of nodes, and the host makes it as large as the depth of the BVHs (`trace/scene`).

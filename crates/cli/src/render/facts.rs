@@ -104,7 +104,7 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &
 }
 
 /// Facts that are sums over frames.
-const SUMS: [&str; 10] = [
+const SUMS: [&str; 11] = [
     "load_seconds",
     "build_seconds",
     "trace_seconds",
@@ -115,6 +115,7 @@ const SUMS: [&str; 10] = [
     "gpu_uploaded_bytes",
     "gpu_downloaded_bytes",
     "gpu_dispatches",
+    "gpu_exact_rays",
 ];
 
 /// The facts of a sequence of frames and of one more: sums, or the values of the last frame.

@@ -96,11 +96,13 @@ impl FilmRenderer for GpuRenderer<'_> {
         if !self.with_cpu {
             let film = self.picture.render(done, monitor).map_err(named);
             facts.extend(self.traffic());
+            facts.extend(self.picture.n_exact_rays().map(|n| ("gpu_exact_rays", json!(n))));
             return film;
         }
         let SharedFilm { film, n_tiles_of_device, stopped } =
             self.picture.render_with_cpu(done, monitor).map_err(named)?;
         facts.extend(self.traffic());
+        facts.extend(self.picture.n_exact_rays().map(|n| ("gpu_exact_rays", json!(n))));
         facts.push(("gpu_tiles", json!(n_tiles_of_device)));
         if let Some(error) = stopped {
             let name = &self.gpu.info().name;

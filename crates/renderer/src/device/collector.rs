@@ -49,6 +49,8 @@ pub(super) struct SampleDispatcher<'a, R> {
     first_light: Option<Buffer<PackedFirstLight>>,
     /// Work-groups of the next dispatch.
     n_groups: u32,
+    /// Rays of streams that exact kernels traced.
+    pub(super) n_exact_rays: u64,
 }
 
 impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
@@ -62,7 +64,17 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n_samples)).transpose()?;
         let components = kernels.has_components.then(|| gpu.zeroed("components", n_samples)).transpose()?;
         let first_light = kernels.has_first_light.then(|| gpu.zeroed("first_light", n_samples)).transpose()?;
-        Ok(Self { gpu, kernels, slice, records, guides, components, first_light, n_groups: FIRST.min(n) })
+        Ok(Self {
+            gpu,
+            kernels,
+            slice,
+            records,
+            guides,
+            components,
+            first_light,
+            n_groups: FIRST.min(n),
+            n_exact_rays: 0,
+        })
     }
 
     /// Cells that fill a dispatch if each takes `n_samples` samples.
@@ -130,7 +142,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
         let kept = guides.into_iter().chain(components).chain(first_light);
         let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
-        self.kernels.run(self.gpu, &bindings, n)?;
+        self.n_exact_rays += self.kernels.run(self.gpu, &bindings, n)?;
         let time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
         found.records.extend(block_on(self.gpu.read_first(&self.records, n_samples / slice.block as usize))?);

@@ -1,5 +1,7 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, Variant, choice, wgsl};
 use canted_scene::{Camera, Lobes, Scene};
@@ -44,6 +46,7 @@ pub struct DevicePicture<'a> {
     pub(super) chosen: Variant,
     /// Whether its rays can be traced as streams.
     can_stream: bool,
+    n_exact_rays: AtomicU64,
     pub(super) kernels: RenderKernels,
     /// Instance and primitive at the center of each pixel, where a raster pass found them.
     pub(super) first_seen: Option<Buffer<[u32; 2]>>,
@@ -222,6 +225,7 @@ impl<'a> DevicePicture<'a> {
             filter_table,
             chosen,
             can_stream,
+            n_exact_rays: AtomicU64::new(0),
             kernels,
             first_seen: None,
         })
@@ -251,6 +255,15 @@ impl<'a> DevicePicture<'a> {
             })
         };
         Ok(self.with_kernels(light, None))
+    }
+
+    /// How many rays exact arithmetic decided in pictures so far; `None` where it traces all, as where an invocation traces the rays of a whole sample.
+    #[must_use]
+    pub fn n_exact_rays(&self) -> Option<u64> {
+        match &self.kernels.light {
+            LightKernels::Streams(kernels) if kernels.has_queries() => Some(self.n_exact_rays.load(Ordering::Relaxed)),
+            _ => None,
+        }
     }
 
     /// The buffers that the kernels bind, and their sizes in bytes.
@@ -338,6 +351,7 @@ impl<'a> DevicePicture<'a> {
         loop {
             let numbers = schedule.next_for_device(|offered| collector.n_tiles_per_dispatch(&schedule.tiling, offered));
             if numbers.is_empty() || schedule.is_over(&numbers) {
+                self.n_exact_rays.fetch_add(collector.dispatcher.n_exact_rays, Ordering::Relaxed);
                 return Ok(());
             }
             let made = collector.tiles(&schedule.tiling, &numbers, &|| schedule.is_over(&numbers))?;

@@ -117,8 +117,8 @@ impl ReadyKernels {
         self.guide.is_some()
     }
 
-    /// Takes the samples of `n` work-groups and waits for them.
-    pub(super) fn run(&mut self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
+    /// Takes the samples of `n` work-groups and waits for them. Returns how many rays of streams exact kernels traced.
+    pub(super) fn run(&mut self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<u64, GpuError> {
         let mut commands = gpu.commands();
         let groups = |kernel: &Kernel| kernel.groups(n * kernel.group_size());
         match &mut self.light {
@@ -128,7 +128,11 @@ impl ReadyKernels {
         if let Some(guide) = &self.guide {
             commands.dispatch(guide, bindings, groups(guide))?;
         }
-        block_on(commands.run())
+        block_on(commands.run())?;
+        match &mut self.light {
+            ReadyLight::Whole(_) => Ok(0),
+            ReadyLight::Streams(streams) => streams.take_exact_count(gpu),
+        }
     }
 }
 

@@ -11,13 +11,13 @@ use std::sync::Arc;
 
 use canted_gpu::{
     AdapterKind, Buffer, Commands, DeviceHit, DeviceRay, Gpu, GpuError, Kernel, NamedBinding, RayList, StreamQueries,
-    TracedScene, Variant, choice, wgsl,
+    TracedScene, Variant, block_on, choice, wgsl,
 };
 
 use super::records::CELL_PIXELS;
 
-/// Words of `Path` in `shaders/shared/path.wgsl`; `Gathering` in `hybrid.wgsl` has fewer.
-pub(super) const STATE_WORDS: usize = 56;
+/// Words of a state, as many as the larger one has: `Gathering` of `shaders/shared/hybrid.wgsl`, `Path` of `path.wgsl`.
+pub(super) const STATE_WORDS: usize = 52;
 
 /// Samples in flight, at most: about 350 MB on hardware. Software drivers gain nothing from more than fill their threads.
 const MAX_SAMPLES: usize = 1 << 20;
@@ -127,6 +127,14 @@ impl Streams {
             onward_queue: list()?,
             shadow_queue: list()?,
         })
+    }
+
+    /// How many rays exact kernels traced since the last call, of those that others did not decide.
+    pub(super) fn take_exact_count(&mut self, gpu: &Gpu) -> Result<u64, GpuError> {
+        match &mut self.queries {
+            Some(queries) => block_on(queries.take_exact_count(gpu)),
+            None => Ok(0),
+        }
     }
 
     /// Adds the dispatches that take the samples of `n_groups` work-groups.

@@ -73,10 +73,11 @@ impl LightBuffers {
 
 #[cfg(test)]
 mod tests {
-    use canted_shaders::same_layout;
+    use canted_shaders::{Shader, same_layout};
 
     use canted_gpu::{choice, wgsl};
 
+    use super::super::streams::STATE_WORDS;
     use super::*;
     use crate::light::environment::SkyImage;
     use crate::light::tree::LightNode;
@@ -121,5 +122,17 @@ mod tests {
             PackedEmitter { corner, instance, first, primitive, second, leaf, radiance, slack }
         );
         same_layout!(wgsl::check::LIGHT, &sampled, "SkyImage", SkyImage { scale, width, height, turn });
+    }
+
+    #[test]
+    fn states_of_streams_have_the_size_of_their_buffer() {
+        let size_of_state = |integrator: choice::Integrator, name: &str| {
+            let all = canted_shaders::variants(wgsl::render::stream::SHADE).unwrap();
+            let chosen = all.into_iter().find(|chosen| chosen.has(integrator)).unwrap();
+            Shader::new(wgsl::render::stream::SHADE, &chosen).unwrap().layout(name).unwrap().size as usize
+        };
+        let path = size_of_state(choice::Integrator::Path, "Path");
+        let gathering = size_of_state(choice::Integrator::Hybrid, "Gathering");
+        assert_eq!(path.max(gathering), 4 * STATE_WORDS);
     }
 }
