@@ -50,7 +50,7 @@ limited() { seconds=$1; shift; if command -v timeout >/dev/null; then timeout "$
 clock() { if command -v nvidia-smi >/dev/null; then nvidia-smi --query-gpu=name,driver_version,clocks.sm --format=csv,noheader; fi; }
 {
   ./canted devices
-  for chapter in rays levels picture build sort frames; do
+  for chapter in rays levels picture streams build sort frames; do
     clock
     limited 60 ./canted-bench --device gpu --rounds 10 --chapters "$chapter"
   done

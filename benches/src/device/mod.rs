@@ -76,10 +76,11 @@ impl Bench {
 type Chapter = (&'static str, fn(&mut String, &Bench) -> Result<()>);
 
 /// The chapters, by the names of `--chapters`.
-const CHAPTERS: [Chapter; 9] = [
+const CHAPTERS: [Chapter; 10] = [
     ("rays", rays::section),
     ("levels", rays::levels),
     ("picture", pictures::sponza_picture),
+    ("streams", pictures::streams),
     ("build", builds::builds),
     ("sort", builds::sort),
     ("frames", builds::frames),

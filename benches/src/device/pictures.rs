@@ -9,7 +9,9 @@ use std::{
 use anyhow::{Result, ensure};
 use canted_film::{Aov, AovValues, Aovs, Film, srgb};
 use canted_gpu::{AdapterKind, block_on};
-use canted_renderer::{DevicePicture, FirstHit, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render};
+use canted_renderer::{
+    DevicePicture, FirstHit, Integrator, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render,
+};
 use canted_scene::Scene;
 
 use super::Bench;
@@ -75,6 +77,63 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
         let _ = writeln!(out, "| {by} | {hits} | {seconds:.2} | {:.2} |", millions(n_rays) / seconds);
     }
     let _ = writeln!(out, "| *TITAN Xp, 2020, 1920 x 1080, 24 samples* | *rasterized* | *132* | |");
+    Ok(())
+}
+
+/// Renders with the rays of many samples as streams, and with one kernel for whole samples.
+pub(super) fn streams(out: &mut String, bench: &Bench) -> Result<()> {
+    let [width, height, samples] = bench.scale.picture;
+    let rounds = bench.rounds.min(PICTURES);
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "\n### Streams of rays\n\nThe same pictures with rays of many samples traced together, and with one kernel for whole samples: {width} x {height}, \
+         {samples} samples, 2 bounces, after building, uploading and a first picture. Least of {rounds} pictures in turn; both have the same bits. The last \
+         column has the rays that exact kernels decided, of the streams.\n\n\
+         | scene | integrator | M rays | streams, seconds | one kernel, seconds | streams, M rays/s | one kernel over streams | exact, percent |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |"
+    );
+    let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
+    for (name, scene) in [("built-in", Some(canted_scene::builtin())), ("sponza", sponza()?)] {
+        let Some(scene) = scene else {
+            let _ = writeln!(out, "| {name} | not available |");
+            continue;
+        };
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
+        let own = scene.cameras.first().copied();
+        let camera = own.unwrap_or_else(|| frame(&scene, &bvh, f64::from(width) / f64::from(height)));
+        for integrator in Integrator::ALL {
+            let settings = Settings { width, height, samples, bounces: 2, integrator, ..Settings::default() };
+            let surfaces = Surfaces::with_lod(&scene, settings.lod);
+            let of = |are_streams: bool| {
+                let picture = DevicePicture::new(&bench.gpu, &surfaces, &bvh, &camera, &settings)?;
+                picture.with_streams(are_streams)
+            };
+            let pictures = [of(true)?, of(false)?];
+            let films = [pictures[0].render(vec![], &monitor)?, pictures[1].render(vec![], &monitor)?];
+            ensure!(films[0] == films[1], "{name}: streams and one kernel draw different pictures");
+            let n_rays = films[0].n_rays();
+            let n_exact = pictures[0].n_exact_rays().unwrap_or(n_rays);
+            let mut least = [f64::MAX; 2];
+            for _ in 0..rounds {
+                for (picture, least) in pictures.iter().zip(&mut least) {
+                    let start = Instant::now();
+                    drop(picture.render(vec![], &monitor)?);
+                    *least = least.min(start.elapsed().as_secs_f64());
+                }
+            }
+            let [streams, whole] = least;
+            let _ = writeln!(
+                out,
+                "| {name} | {} | {:.1} | {streams:.2} | {whole:.2} | {:.2} | {:.2} | {:.2} |",
+                integrator.name(),
+                millions(n_rays),
+                millions(n_rays) / streams,
+                whole / streams,
+                1e2 * n_exact as f64 / n_rays.max(1) as f64
+            );
+        }
+    }
     Ok(())
 }
 
