@@ -94,8 +94,8 @@ mod tests {
                 ("volume", "shared/bvh/volume/obb"),
             ] {
                 let n = all.iter().filter(|chosen| has(chosen, kinds) && has(chosen, ("level", &level))).count();
-                // With and without counts, and wide BVHs with and without curves.
-                assert_eq!(n, if kinds.0 == "volume" { 2 } else { 4 }, "{kinds:?}, {level}");
+                // With and without counts, and wide BVHs without curves, with segments, and with curves of every kind.
+                assert_eq!(n, if kinds.0 == "volume" { 2 } else { 6 }, "{kinds:?}, {level}");
             }
         }
         assert!(variants("no/kernel").is_err());

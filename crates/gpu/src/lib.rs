@@ -223,7 +223,8 @@ pub use kernel::Kernel;
 pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, HostBvh, InstancedScene,
-    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Outcome, SceneInput, TracedScene, Undecided,
+    BufferConfig, BufferScene, DeviceBvh, DeviceCurve, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, HostBvh,
+    HostCurves, InstancedScene, MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Outcome, SceneInput,
+    TracedScene, Undecided,
 };
 pub use wgpu::{self, Limits};

@@ -10,6 +10,7 @@ use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
+use super::leaf_curves::{CurveKinds, DeviceCurve, HostCurves};
 use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
@@ -70,6 +71,8 @@ pub enum HostBvh<'a> {
     Triangles(&'a TriangleBvh),
     /// Over round segments.
     Segments(&'a WideBvh<RoundSegment>),
+    /// Over other curves: cubic ones, ribbons, and curves whose points move.
+    Curves(HostCurves<'a>),
 }
 
 impl<'a> From<&'a TriangleBvh> for HostBvh<'a> {
@@ -84,20 +87,36 @@ impl<'a> From<&'a WideBvh<RoundSegment>> for HostBvh<'a> {
     }
 }
 
+impl<'a, P: DeviceCurve> From<&'a WideBvh<P>> for HostBvh<'a> {
+    fn from(bvh: &'a WideBvh<P>) -> Self {
+        Self::Curves(bvh.into())
+    }
+}
+
 impl<'a> HostBvh<'a> {
     fn raw(self) -> RawBvh<'a> {
         match self {
             Self::Triangles(bvh) => bvh.raw(),
             Self::Segments(bvh) => bvh.raw(),
+            Self::Curves(bvh) => bvh.raw(),
         }
     }
 
     fn bounds(self, words: &RawBvh<'_>) -> MeshBounds {
-        let (aabb, is_of_segments) = match self {
-            Self::Triangles(bvh) => (bvh.aabb(), false),
-            Self::Segments(bvh) => (bvh.aabb(), true),
+        let aabb = match self {
+            Self::Triangles(bvh) => bvh.aabb(),
+            Self::Segments(bvh) => bvh.aabb(),
+            Self::Curves(bvh) => bvh.aabb(),
         };
-        MeshBounds { reach: words.reach, aabb, is_of_segments }
+        MeshBounds { reach: words.reach, aabb, is_of_curves: self.kinds() != CurveKinds::None }
+    }
+
+    fn kinds(self) -> CurveKinds {
+        match self {
+            Self::Triangles(_) => CurveKinds::None,
+            Self::Segments(_) => CurveKinds::Segments,
+            Self::Curves(bvh) => bvh.kinds(),
+        }
     }
 
     /// The BVH as it is uploaded.
@@ -105,6 +124,7 @@ impl<'a> HostBvh<'a> {
         let (bvh, what) = match self {
             Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words)), "triangles"),
             Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
+            Self::Curves(bvh) => (UploadedBvh::over_curves(by_octants(words), bvh.records(words)), "curves"),
         };
         let n = bvh.triangles.len();
         if n > MOST_TRIANGLES {
@@ -209,7 +229,7 @@ impl TracedScene {
     async fn uploaded(gpu: &Gpu, meshes: &[HostBvh<'_>], levels: Levels<'_>) -> Result<Self, GpuError> {
         let raw: Vec<RawBvh<'_>> = meshes.iter().map(|mesh| mesh.raw()).collect();
         let bounds: Vec<MeshBounds> = meshes.iter().zip(&raw).map(|(mesh, words)| mesh.bounds(words)).collect();
-        let has_segments = bounds.iter().any(|mesh| mesh.is_of_segments);
+        let curves = meshes.iter().map(|mesh| mesh.kinds()).max().unwrap_or_default();
         let deepest = raw.iter().map(|words| words.depth).max().unwrap_or(0);
         let instances = match levels {
             Levels::One(first_triangles) => {
@@ -217,7 +237,7 @@ impl TracedScene {
                 check_depth(deepest)?;
                 let bvh = meshes[0].uploaded(&raw[0])?;
                 let all = [(bvh, HitError::of_triangles(raw[0].reach))];
-                let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
+                let (nodes, headers) = WideNodes::uploaded(gpu, &all, curves)?;
                 let level = Level::flat(first_triangles);
                 return Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await;
             }
@@ -232,7 +252,7 @@ impl TracedScene {
         for (mesh, words) in meshes.iter().zip(&raw) {
             all.push((mesh.uploaded(words)?, HitError::of_triangles(words.reach)));
         }
-        let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
+        let (nodes, headers) = WideNodes::uploaded(gpu, &all, curves)?;
         Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await
     }
 
@@ -245,7 +265,7 @@ impl TracedScene {
         let of_root = |aabb: Aabb| MeshBounds {
             reach: if aabb.is_empty() { 0.0 } else { aabb.reach() },
             aabb,
-            is_of_segments: false,
+            is_of_curves: false,
         };
         let bounds: Vec<_> = bottom.root_aabbs(gpu).await?.into_iter().map(of_root).collect();
         let (level, top) = match levels {
@@ -325,14 +345,19 @@ impl TracedScene {
         }
     }
 
-    /// Whether the scene has round segments.
+    /// Whether the scene has curves.
     #[must_use]
-    pub fn has_segments(&self) -> bool {
-        self.nodes.has_segments()
+    pub fn has_curves(&self) -> bool {
+        self.nodes.curves() != CurveKinds::None
+    }
+
+    /// Whether the scene has curves whose points move.
+    pub(super) fn has_moving_curves(&self) -> bool {
+        self.nodes.curves() == CurveKinds::Moving
     }
 
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene [has
-    /// segments](Self::has_segments) `exits`.
+    /// curves](Self::has_curves) `exits`.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.part("level", self.tables.part()).number("MAX_ITERATIONS", self.max_iterations);
@@ -344,9 +369,12 @@ impl TracedScene {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
-        let (decide, weights) = match self.has_segments() {
-            false => ("shared/certain/decide/triangles", "shared/triangle/weights/triangles"),
-            true => ("shared/certain/decide/curves", "shared/segment/weights/curves"),
+        let (decide, weights) = match self.nodes.curves() {
+            CurveKinds::None => ("shared/certain/decide/triangles", "shared/triangle/weights/triangles"),
+            CurveKinds::Segments => ("shared/certain/decide/curves", "shared/segment/weights/curves"),
+            CurveKinds::All | CurveKinds::Moving => {
+                ("shared/curve_kinds/decide/kinds", "shared/curve_kinds/weights/kinds")
+            }
         };
         Ok(Some(self.specialize(chosen).part("decide", decide).part("weights", weights).of_kernel(kernel)?))
     }

@@ -1,6 +1,6 @@
 //! The buffers of a scene, and nothing that it does not need.
 
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
+use canted_gpu::{Buffer, Gpu, GpuError, MotionPolynomials, NamedBinding, Variant};
 use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
@@ -10,6 +10,7 @@ use super::materials::{
     Columns, ImageHeads, Images, Materials, PackedHair, PackedMaterial, Slot, Texels, used_textures,
 };
 use crate::light::{ListLight, is_shape};
+use crate::scene_bvh::instances;
 use crate::surface::hit_filter;
 use crate::texture::Textures;
 use crate::{Hemisphere, Integrator, Lod, Settings, bsdf};
@@ -95,7 +96,7 @@ impl PackedScene {
         let has_hair = !materials.hairs.is_empty();
         let has = Has {
             instances: placements.is_some(),
-            motion: scene.has_motion(),
+            motion: instances(scene).iter().any(|instance| MotionPolynomials::of(instance).is_some()),
             normals: columns.normal > 0,
             normal_maps,
             masks: hit_filter::uses_alpha(scene),
@@ -181,7 +182,9 @@ impl PackedScene {
             (false, true) => "shared/mask/faces",
             (true, true) => "shared/mask/both",
         };
-        let shapes = pick(curves, "shared/surface_curve/shapes/curves", "shared/surface/shapes/triangles");
+        let has_kinds = self.columns.radius > 0;
+        let of_curves = pick(has_kinds, "shared/surface_kinds/shapes/kinds", "shared/surface_curve/shapes/curves");
+        let shapes = pick(curves, of_curves, "shared/surface/shapes/triangles");
         let chosen = chosen
             .part("shapes", shapes)
             .part("placed", placed)
@@ -189,6 +192,10 @@ impl PackedScene {
             .part("mask", mask)
             .number("STRIDE", self.columns.stride)
             .number("COLOR", self.columns.color);
+        let chosen = match self.columns {
+            Columns { radius, close, .. } if has_kinds => chosen.number("RADIUS", radius).number("CLOSE", close),
+            _ => chosen,
+        };
         let exits = pick(hair, "shared/surface_curve/exits/hair", "shared/segment/exits/kept");
         let chosen = if curves { chosen.part("exits", exits) } else { chosen };
         let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
