@@ -1,4 +1,4 @@
-// Curves of every kind: round segments, round cubic curves, and straight and cubic ribbons, whose points and radii may move while the shutter is open; twin of
+// Curves of every kind: round segments, spheres, round cubic curves, and straight and cubic ribbons, whose points and radii may move while the shutter is open; twin of
 // `round_segment`, `round_cubic`, `cubic_part`, `ribbon`, `ribbon_cubic` in crates/trace/src and of `Moving` in crates/wide, in f32.
 //
 // # Records
@@ -42,6 +42,7 @@ const CUBIC: u32 = 1u;
 const RIBBON: u32 = 2u;
 const MOVING: u32 = 4u;
 const SWEPT: u32 = 8u;
+const BALL: u32 = 16u;
 
 /// Halvings of a curve at most.
 const MAX_LEVEL: u32 = 6u;
@@ -218,12 +219,21 @@ fn curve_at(at: u32, kind: u32) -> Curve {
     return curve;
 }
 
-/// The round segment at a place that moves.
-fn moving_segment_at(at: u32) -> Segment {
+/// Whether a curve is a round segment: one that does not move, one with rows, or a sphere, which has one row.
+fn is_segment(kind: u32) -> bool {
+    return (kind & (CUBIC | RIBBON)) == 0u;
+}
+
+/// The round segment at a place, of any such kind.
+fn segment_of_kind(at: u32, kind: u32) -> Segment {
+    if kind == 0u {
+        return segment_at(at);
+    }
     let rows = rows_of_curve(at);
     reach_in_motion = 0.0;
-    let a = row_of_curve(rows, 0u, 2u, SWEPT | MOVING);
-    let b = row_of_curve(rows, 1u, 2u, SWEPT | MOVING);
+    let n = select(2u, 1u, (kind & BALL) != 0u);
+    let a = row_of_curve(rows, 0u, n, kind);
+    let b = row_of_curve(rows, n - 1u, n, kind);
     return segment_of(a, b, MOVING_ERROR * reach_in_motion);
 }
 

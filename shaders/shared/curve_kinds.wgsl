@@ -16,12 +16,9 @@ fn curve_leaf(word: u32) {
     iterations += n + 1u;
     for (var i = 0u; i < n; i += 1u) {
         let kind = leaf_triangles[at + 1u].w;
-        if kind == 0u {
+        if is_segment(kind) {
             iterations += SEGMENT_ITERATIONS;
-            consider_segment(at, segment_at(at));
-        } else if kind == (SWEPT | MOVING) {
-            iterations += SEGMENT_ITERATIONS;
-            consider_segment(at, moving_segment_at(at));
+            consider_segment(at, segment_of_kind(at, kind));
         } else {
             consider_curve(at, kind);
         }
@@ -93,11 +90,8 @@ fn completed(index: u32, found: Found) -> Hit {
         return weighed_triangle(index, found);
     }
     let kind = leaf_triangles[found.at + 1u].w;
-    if kind == 0u {
-        return weighed_segment(found, segment_at(found.at));
-    }
-    if kind == (SWEPT | MOVING) {
-        return weighed_segment(found, moving_segment_at(found.at));
+    if is_segment(kind) {
+        return weighed_segment(found, segment_of_kind(found.at, kind));
     }
     return weighed_curve(index, found, kind);
 }
@@ -129,10 +123,8 @@ fn decide(at: u32) {
         return;
     }
     let kind = leaf_triangles[at + 1u].w;
-    if kind == 0u {
-        decide_segment(at, segment_at(at));
-    } else if kind == (SWEPT | MOVING) {
-        decide_segment(at, moving_segment_at(at));
+    if is_segment(kind) {
+        decide_segment(at, segment_of_kind(at, kind));
     } else {
         decide_curve(at, kind);
     }

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, cast_slice, pod_collect_to_vec};
 use canted_obb::Aabb;
-use canted_trace::{RibbonCubic, RibbonSegment, RoundCubic, RoundSegment};
+use canted_trace::{RibbonCubic, RibbonSegment, RoundCubic, RoundSegment, Sphere};
 use canted_wide::{Moves, Moving, RawBvh, SavedPrimitive, WideBvh};
 
 use super::layout::Quad;
@@ -27,8 +27,9 @@ const CUBIC: u32 = 1;
 const RIBBON: u32 = 2;
 const MOVING: u32 = 4;
 const SWEPT: u32 = 8;
+const BALL: u32 = 16;
 
-/// A curve of which a device traces a BVH: round segments, round cubic curves and ribbons, and those whose points and radii move
+/// What a device traces a BVH of, apart from triangles and round segments: spheres, round cubic curves and ribbons, and these and segments with points and radii that move
 /// ([`Moving`]).
 pub trait DeviceCurve: SavedPrimitive + kind::Kind {}
 
@@ -40,6 +41,10 @@ mod kind {
         /// Bits of `shared/curve`.
         const KIND: u32;
     }
+}
+
+impl kind::Kind for Sphere {
+    const KIND: u32 = SWEPT | BALL;
 }
 
 impl kind::Kind for RoundCubic {
@@ -60,6 +65,8 @@ impl kind::Kind for Moving<RoundSegment> {
 
 /// A still curve of a kind that may move, apart from segments, whose still form is another.
 trait MovingKind: kind::Kind + Moves {}
+
+impl MovingKind for Sphere {}
 
 impl MovingKind for RoundCubic {}
 

@@ -71,7 +71,7 @@ pub enum HostBvh<'a> {
     Triangles(&'a TriangleBvh),
     /// Over round segments.
     Segments(&'a WideBvh<RoundSegment>),
-    /// Over other curves: cubic ones, ribbons, and curves whose points move.
+    /// Over spheres and other curves: cubic ones, ribbons, and those whose points move.
     Curves(HostCurves<'a>),
 }
 
@@ -153,11 +153,11 @@ enum Levels<'a> {
 }
 
 impl<'a> SceneInput<'a> {
-    /// BVHs that the CPU built, which are uploaded: over triangles, or over round segments.
+    /// BVHs that the CPU built, which are uploaded: over triangles, round segments, or what is a [`DeviceCurve`].
     ///
-    /// In a scene with segments the `u` of a hit is the position along the segment and its `v` is 0, in kernels 1 where the ray leaves. Batches of rays leave to the CPU what single precision
-    /// does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)); kernels that use `shared/traverse` take the answer of single precision, whose hits are within
-    /// [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a segment that a ray enters less deep than that.
+    /// Of a hit of a curve `u` is the position along it, and `v` the position across a ribbon, else 0, or in kernels 1 where the ray leaves. Batches of rays leave to the CPU what single precision
+    /// does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)), and rays later than shutter opening through curves whose points move; kernels that use `shared/traverse` take the answer of single precision, whose hits are within
+    /// [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a curve that a ray enters less deep than that.
     #[must_use]
     pub fn upload<B: Into<HostBvh<'a>>>(bvhs: impl IntoIterator<Item = B>) -> Self {
         let bvhs = bvhs.into_iter().map(Into::into).collect();
