@@ -329,8 +329,8 @@ fn decide(at: u32) {
 
 /// Tests the primitive at a quad, and keeps what is certain about its hit.
 fn decide(at: u32) {
-    if is_of_segments() {
-        decide_segment(at);
+    if is_of_curves() {
+        decide_segment(at, segment_at(at));
     } else {
         decide_triangle(at, false);
     }

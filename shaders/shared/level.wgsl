@@ -15,7 +15,7 @@ struct Instance {
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
-    /// Index of the BVH; index of the motion plus one, or 0 for none; mask; whether the BVH is over round segments.
+    /// Index of the BVH; index of the motion plus one, or 0 for none; mask; whether the BVH is over curves.
     bvh: vec4<u32>,
     /// The CPU's rows, with translations, as f64: two quads for each, lower halves first.
     exact_rows: array<vec4<u32>, 6>,
@@ -117,8 +117,8 @@ fn bvh_of(instance: u32) -> u32 {
     return instances[instance].bvh.x;
 }
 
-/// Whether the current BVH is over round segments.
-fn is_of_segments() -> bool {
+/// Whether the current BVH is over curves.
+fn is_of_curves() -> bool {
     return instances[space.instance].bvh.w != 0u;
 }
 
@@ -166,8 +166,8 @@ fn bvh_of(instance: u32) -> u32 {
     return 0u;
 }
 
-/// Whether the BVH is over round segments, in kernels that know of them.
-fn is_of_segments() -> bool {
+/// Whether the BVH is over curves, in kernels that know of them.
+fn is_of_curves() -> bool {
     return true;
 }
 

@@ -36,6 +36,8 @@ struct Segment {
     far_off: f32,
     /// Largest coordinate of the axis, or the greater radius; not in units of the segment.
     size: f32,
+    /// Error of points that move; not in units of the segment.
+    moved: f32,
 }
 
 /// Where a line passes through a surface: parameters of the line from the base on, in units of the segment, and positions along the segment.
@@ -56,11 +58,18 @@ const SQUARE_ROUNDING: f32 = 8.0 * ROUNDING;
 
 /// The segment at a quad, for the ray of the current instance.
 fn segment_at(at: u32) -> Segment {
-    let first = bitcast<vec3<f32>>(leaf_triangles[at].xyz) - space.origin;
-    let second = bitcast<vec3<f32>>(leaf_triangles[at + 1u].xyz) - space.origin;
-    // Ends are exact, so their difference has one rounding.
-    let axis = bitcast<vec3<f32>>(leaf_triangles[at + 1u].xyz) - bitcast<vec3<f32>>(leaf_triangles[at].xyz);
     let radii = bitcast<vec2<f32>>(leaf_triangles[at + 2u].xy);
+    let a = vec4<f32>(bitcast<vec3<f32>>(leaf_triangles[at].xyz), radii.x);
+    return segment_of(a, vec4<f32>(bitcast<vec3<f32>>(leaf_triangles[at + 1u].xyz), radii.y), 0.0);
+}
+
+/// The segment between two balls, whose numbers err by `moved`.
+fn segment_of(a: vec4<f32>, b: vec4<f32>, moved: f32) -> Segment {
+    let first = a.xyz - space.origin;
+    let second = b.xyz - space.origin;
+    // Ends are exact, or have an error of their own, so their difference has one rounding.
+    let axis = b.xyz - a.xyz;
+    let radii = vec2<f32>(a.w, b.w);
     let radius = max(radii.x, radii.y);
     let size = max(greatest(axis), radius);
     // Its reciprocal must not underflow.
@@ -70,7 +79,7 @@ fn segment_at(at: u32) -> Segment {
     let base_t = (project(first, d) + 0.5 * project(axis, d)) * reciprocal(project(d, d));
     let base = base_t * d - first;
     let far_off = max(greatest(first), greatest(second)) + radius;
-    return Segment(base * from_unit, base_t, axis * from_unit, bitcast<f32>(power), from_unit, radii * from_unit, far_off, size);
+    return Segment(base * from_unit, base_t, axis * from_unit, bitcast<f32>(power), from_unit, radii * from_unit, far_off, size, moved);
 }
 
 /// Where the line enters and leaves.
@@ -179,14 +188,13 @@ fn segment_leaf(word: u32) {
     count_triangles(n);
     iterations += n * (1u + SEGMENT_ITERATIONS) + 1u;
     for (var i = 0u; i < n; i += 1u) {
-        consider_segment(at);
+        consider_segment(at, segment_at(at));
         at += TRIANGLE_QUADS;
     }
 }
 
 /// Keeps the hit of a segment if it is the best.
-fn consider_segment(at: u32) {
-    let segment = segment_at(at);
+fn consider_segment(at: u32, segment: Segment) {
     let span = span_of_segment(segment);
     if !span.is_hit {
         return;
@@ -229,8 +237,7 @@ fn is_passed_at_exit(hit: Hit) -> bool {
 // use shared/undecided/found
 
 /// The hit of a segment in the current instance.
-fn weighed_segment(found: Found) -> Hit {
-    let segment = segment_at(found.at);
+fn weighed_segment(found: Found, segment: Segment) -> Hit {
     let span = span_of_segment(segment);
     let entry = t_of_root(segment, span.entry.x);
     let is_exit = entry < space.t_min;
@@ -244,8 +251,8 @@ fn weighed_segment(found: Found) -> Hit {
 // use shared/segment/weighed
 
 fn completed(index: u32, found: Found) -> Hit {
-    if is_of_segments() {
-        return weighed_segment(found);
+    if is_of_curves() {
+        return weighed_segment(found, segment_at(found.at));
     }
     return weighed_triangle(index, found);
 }
@@ -280,11 +287,10 @@ const LOCAL_ROUNDING: f32 = 256.0 * ROUNDING;
 /// Roundings of a product of a unit vector with the direction.
 const PLANE_ROUNDING: f32 = 16.0 * ROUNDING;
 
-/// Keeps what is certain about the hit of the segment at a quad.
-fn decide_segment(at: u32) {
-    let segment = segment_at(at);
+/// Keeps what is certain about the hit of a segment, that at a quad.
+fn decide_segment(at: u32, segment: Segment) {
     let drift = space.drift.y * segment.far_off + space.drift.x;
-    let error = BOUND_SCALE * (RAY_ROUNDING * segment.far_off + drift + TINY);
+    let error = BOUND_SCALE * (RAY_ROUNDING * segment.far_off + segment.moved + drift + TINY);
     iterations += SEGMENT_ITERATIONS + 8u;
     let outer = abs(error) + LOCAL_ROUNDING * segment.size;
     // All points of the segment are within three sizes of the first end, and the line is within one size of its nearest point to it.

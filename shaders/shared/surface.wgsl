@@ -233,9 +233,9 @@ fn vector_object(instance: u32, vector: vec3<f32>) -> vec3<f32> {
     return vector;
 }
 
-/// Whether the instance is of curves.
-fn is_curve(instance: u32) -> bool {
-    return false;
+/// The kind of the curves of an instance; 0 for triangles.
+fn curve_kind(instance: u32) -> u32 {
+    return 0u;
 }
 
 /// Unit normal of the transformed plane; zero for zero.
@@ -277,8 +277,8 @@ struct Placement {
     /// Index of the motion; `NONE` if the instance does not move.
     motion: u32,
     cofactor_y: vec3<f32>,
-    /// Whether the mesh has curves.
-    is_curve: u32,
+    /// The kind of the curves of the mesh; 0 for triangles.
+    curve_kind: u32,
     cofactor_z: vec3<f32>,
 }
 
@@ -298,9 +298,9 @@ fn mirrors(instance: u32) -> bool {
     return placements[instance].handedness < 0.0;
 }
 
-/// Whether the instance is of curves.
-fn is_curve(instance: u32) -> bool {
-    return placements[instance].is_curve != 0u;
+/// The kind of the curves of an instance, as in shared/curve; 0 for triangles.
+fn curve_kind(instance: u32) -> u32 {
+    return placements[instance].curve_kind;
 }
 
 /// The inverse of `vector_world`, by cofactors over the determinant.

@@ -11,7 +11,7 @@
 
 /// The surface at a hit of a ray with this cone at its origin.
 fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
-    if is_curve(hit.instance) {
+    if curve_kind(hit.instance) != 0u {
         return tube_surface(hit, ray, cone);
     }
     return triangle_surface(hit, ray.direction, cone);

@@ -32,7 +32,7 @@ fn leaf(word: u32) {
 
 /// Tests the primitives of a leaf.
 fn leaf(word: u32) {
-    if is_of_segments() {
+    if is_of_curves() {
         segment_leaf(word);
     } else {
         triangle_leaf(word);

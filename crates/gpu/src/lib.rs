@@ -119,7 +119,7 @@
 //! |---|---|---|
 //! | 0 `nodes` | always | nodes of all BVHs, see below |
 //! | 1 `corners` | binary BVHs | nine coordinates per triangle, in the order of the meshes |
-//! | 1 `leaf_triangles` | wide BVHs | three rows for each triangle, in the order of leaves: a vertex in each, and its number in the last word of the first; or for each round segment: an end in two rows, the radii in the third |
+//! | 1 `leaf_triangles` | wide BVHs | three rows for each triangle, in the order of leaves: a vertex in each, and its number in the last word of the first; or for each round segment: an end in two rows, the radii in the third; of other curves the third ends with the place of their control balls, from which on `shared/curve` documents them |
 //! | 2 `bvhs` | always | a `Bvh` for each BVH, that of the top level first; in an [`InstancedScene`] the last is empty, for instances that are not placed |
 //! | 3 `instances` | two levels | an `Instance` for each |
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
@@ -149,7 +149,7 @@
 //!
 //! `Instance`: `row_x` to `row_z` have the rows of the linear part of `object_from_world`, and in their fourth components the world position of the
 //! object's origin. `bvh.x` is an index into `bvhs`: mesh *i* has *i* + 1, because the top level comes first. `bvh.y` is an index into
-//! `motions` plus 1, or 0. `bvh.z` is the mask. `bvh.w` is 1 if the BVH is over round segments. `exact_rows` are the rows of `object_from_world` as `f64`, translations last, lower halves first.
+//! `motions` plus 1, or 0. `bvh.z` is the mask. `bvh.w` is 1 if the BVH is over curves. `exact_rows` are the rows of `object_from_world` as `f64`, translations last, lower halves first.
 //!
 //! A **word** stands for a child or a root. `0x7fffffff` is none.
 //!
@@ -171,7 +171,7 @@
 //!   integers repeat the CPU's arithmetic. `t` is rounded by at most [`HIT_ERROR`], relative to the coordinates. So where two hits are closer to each
 //!   other than that, the GPU may return either; and where `t` is that close to `t_min` or `t_max`, it may differ from the CPU whether there is a hit.
 //!   Instances with [motion](#motion-blur) may have additional hits within [`HIT_ERROR`] of the ray.
-//! * A batch of rays has the CPU's hits on round segments, or leaves the ray to the CPU ([`Outcome::Incomplete`]); kernels that use the traversal take the answer of
+//! * A batch of rays has the CPU's hits on curves, or leaves the ray to the CPU ([`Outcome::Incomplete`]); kernels that use the traversal take the answer of
 //!   single precision, which is within [`HIT_ERROR`] of the surface.
 //! * Morton codes, sort order and topology, by radix or by clustering, are the same integers as on the CPU; clustering does so for triangles larger
 //!   than about 1e-18, whose areas are not zero. Equal input gives equal words of wide nodes; volumes enclose their primitives.
@@ -223,9 +223,9 @@ pub use kernel::Kernel;
 pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, HostBvh, InstancedScene,
-    MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Options, Outcome, RayList, Source, StreamQueries,
-    TracedScene,
+    BufferConfig, BufferScene, DeviceBvh, DeviceCurve, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, HostBvh,
+    HostCurves, InstancedScene, MAX_CONDITION, MAX_COORDINATE, ModuleHit, MotionPolynomials, Options, Outcome, RayList,
+    Source, StreamQueries, TracedScene,
 };
 pub use wait::block_on;
 pub use wgpu::{self, Limits};

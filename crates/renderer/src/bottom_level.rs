@@ -1,5 +1,7 @@
 //! The BVH over the triangles of one mesh, or of all instances: which one, and how it is built.
 
+use std::any::Any;
+
 use canted_bih::{Bih, BihConfig};
 use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_kdtree::{KdTree, KdTreeConfig};
@@ -423,17 +425,24 @@ pub trait CurveBvh: Intersect + Sync + Send {
     /// As [`WideBvh::each_box`].
     fn each_box(&self, visit: &mut dyn FnMut(Obb, u32, bool));
 
+    /// The BVH itself, a [`WideBvh`] over `Moving` primitives.
+    fn as_any(&self) -> &dyn Any;
+
     /// Number of nodes of each kind, and the rows of the frame of aligned nodes.
     fn sizes_and_frame(&self) -> (Sizes, [[f32; 3]; 3]);
 }
 
-impl<P: Primitive> CurveBvh for WideBvh<P> {
+impl<P: Primitive + 'static> CurveBvh for WideBvh<P> {
     fn n_bytes(&self) -> usize {
         Self::n_bytes(self)
     }
 
     fn each_box(&self, visit: &mut dyn FnMut(Obb, u32, bool)) {
         Self::each_box(self, visit);
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
     }
 
     fn sizes_and_frame(&self) -> (Sizes, [[f32; 3]; 3]) {

@@ -5,8 +5,8 @@ use canted_fixtures::SplitMix64;
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{DevicePicture, FirstHit, Integrator, Levels, Lod, Settings, Surfaces};
 use canted_scene::{
-    AlphaMode, Camera, CurveSegments, CurveShape, Curves, Encoding, Magnification, Material, MaterialId, Mesh, Part,
-    Scene, Texture, TextureId, TextureRef, Wrap,
+    AlphaMode, Camera, CurveSegments, CurveShape, Curves, Encoding, Magnification, Material, MaterialId, Mesh,
+    MeshClose, Part, Scene, Texture, TextureId, TextureRef, Wrap,
 };
 
 use crate::gpu;
@@ -17,6 +17,8 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(curves_between_triangles),
         needs_device(hair_on_curves),
         needs_device(curves_that_move_and_curves_with_alpha),
+        needs_device(cubic_curves_and_ribbons),
+        needs_device(curves_whose_points_move),
         needs_device(textures_on_curves),
         needs_device(the_comparison_detects_thinner_curves),
         needs_device(what_devices_do_not_draw_is_refused_by_name),
@@ -103,6 +105,69 @@ fn hair_on_curves() {
     }
 }
 
+/// Curves that are not round segments: cubic tubes, ribbons, cubic ribbons.
+const KINDS: [(CurveShape, bool); 3] =
+    [(CurveShape::Tube, true), (CurveShape::Ribbon, false), (CurveShape::Ribbon, true)];
+
+/// The room with strands of each of these kinds, mirrored and sheared by turns.
+fn room_of_kinds(radius: f32, material: Material, kinds: &[(CurveShape, bool)]) -> (Scene, Camera) {
+    let (mut scene, camera) = scenes::room();
+    for (i, &(shape, is_cubic)) in (0_u8..).zip(kinds) {
+        let mut mesh = strands(40, radius, scene.materials.len() as u32);
+        let Some(curves) = &mut mesh.curves else { panic!("no curves") };
+        curves.shape = shape;
+        if is_cubic {
+            // Two curves of each strand.
+            let strands = (0..mesh.positions.len() as u32 / 6).map(|strand| 6 * strand);
+            let list = strands.flat_map(|a| [[a, a + 1, a + 2, a + 3], [a + 3, a + 4, a + 5, a + 5]]);
+            curves.segments = CurveSegments::Cubic(list.collect());
+        }
+        let (side, at) = (if i % 2 == 0 { 0.8 } else { -0.8 }, 0.8 * f32::from(i) - 0.8);
+        let columns = [[side, 0.1, 0.0], [0.2, 0.8, 0.1], [0.0, -0.1, 0.8], [at, 0.5, 0.6]];
+        scene.instances.push(instance(scene.meshes.len() as u32, columns));
+        scene.meshes.push(mesh);
+    }
+    scene.materials.push(material);
+    (scene, camera)
+}
+
+fn cubic_curves_and_ribbons() {
+    let gpu = gpu();
+    let (mut scene, camera) = room_of_kinds(0.04, wood(), &KINDS);
+    for integrator in Integrator::ALL {
+        compared(&gpu, &scene, &camera, Levels::Auto, &small(integrator)).check("kinds", [0.4, 0.01]);
+    }
+    let last = scene.materials.len() - 1;
+    scene.materials[last].alpha_mode = AlphaMode::Blend;
+    scene.materials[last].alpha = 0.6;
+    scene.materials[last].hair_mut().melanin = 1.3;
+    let aovs = [Aov::Normal, Aov::Depth].into_iter().collect();
+    let with_aovs = Settings { aovs, ..small(Integrator::Path) };
+    compared(&gpu, &scene, &camera, Levels::Auto, &with_aovs).check("hair of all kinds", [0.5, 0.02]);
+}
+
+fn curves_whose_points_move() {
+    let gpu = gpu();
+    let kinds = [[(CurveShape::Tube, false)].as_slice(), &KINDS].concat();
+    let (still, camera) = room_of_kinds(0.04, wood(), &kinds);
+    let mut scene = still.clone();
+    for mesh in scene.meshes.iter_mut().filter(|mesh| mesh.curves.is_some()) {
+        let positions = mesh.positions.iter().map(|&[x, y, z]| [x + 0.3 * y, y - 0.2 * x, z + 0.2]).collect();
+        let radii = mesh.curves.as_ref().map(|curves| curves.radii.iter().map(|r| 1.5 * r).collect());
+        mesh.close = Some(MeshClose { positions, normals: None, tangents: None, radii });
+    }
+    let settings = small(Integrator::Path);
+    compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("points in motion", [0.5, 0.02]);
+    // The comparison detects curves that stand still.
+    let theirs = on_cpu(&scene, &scene_bvh(&scene, Levels::Auto), &camera, &settings);
+    let ours = on_device(&gpu, &still, &scene_bvh(&still, Levels::Auto), &camera, &settings);
+    let found = difference(&ours, &theirs);
+    assert!(found.of_means > 0.01 || found.drift.iter().any(|&drift| drift > 6.0), "{found:?}");
+    // Instances that move, too.
+    let (scene, camera) = scenes::in_motion((scene, camera));
+    compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("all in motion", [0.5, 0.02]);
+}
+
 fn curves_that_move_and_curves_with_alpha() {
     let gpu = gpu();
     let (mut scene, camera) = hairy_room(0.05, wood());
@@ -180,10 +245,8 @@ fn what_devices_do_not_draw_is_refused_by_name() {
         change(scene.meshes.last_mut().and_then(|mesh| mesh.curves.as_mut()).expect("curves"));
     };
     assert_eq!(refusal(&|_| ()), "the first hits of curves are not rasterized");
-    let ribbons = refusal(&|scene| curves(scene, &|curves| curves.shape = CurveShape::Ribbon));
-    assert_eq!(ribbons, "GPUs do not support ribbons");
-    let cubic = refusal(&|scene| {
-        curves(scene, &|curves| curves.segments = CurveSegments::Cubic(vec![[0, 1, 2, 3]]));
+    let patches = refusal(&|scene| {
+        curves(scene, &|curves| curves.segments = CurveSegments::Patches(vec![[0; 16]]));
     });
-    assert_eq!(cubic, "GPUs do not support cubic curves");
+    assert_eq!(patches, "GPUs do not support patches");
 }

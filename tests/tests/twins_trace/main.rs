@@ -3,6 +3,7 @@
 //! Not covered here: masks (`twins_render`), rejections other than for depth, and traversals ended early (`canted-gpu`).
 
 mod certain;
+mod curves;
 mod deep;
 mod download;
 mod frames;
@@ -19,6 +20,7 @@ pub(crate) use canted_tests::{
 fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
         certain::tests(),
+        curves::tests(),
         deep::tests(),
         download::tests(),
         frames::tests(),

@@ -23,15 +23,15 @@ pub(crate) fn tests() -> Vec<Test> {
     ]
 }
 
-fn unit(rng: &mut SplitMix64) -> f32 {
+pub(super) fn unit(rng: &mut SplitMix64) -> f32 {
     (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0
 }
 
-fn vector(rng: &mut SplitMix64) -> [f32; 3] {
+pub(super) fn vector(rng: &mut SplitMix64) -> [f32; 3] {
     [unit(rng), unit(rng), unit(rng)]
 }
 
-fn plus(a: [f32; 3], s: f32, b: [f32; 3]) -> [f32; 3] {
+pub(super) fn plus(a: [f32; 3], s: f32, b: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| a[k] + s * b[k])
 }
 
@@ -118,14 +118,14 @@ fn rays(rng: &mut SplitMix64, segments: &[RoundSegment], n: usize, scale: f32) -
 }
 
 #[derive(Debug, Default)]
-struct Tally {
-    n_rays: usize,
-    n_hits: usize,
-    n_misses: usize,
-    n_left: usize,
-    n_wrong: usize,
+pub(super) struct Tally {
+    pub(super) n_rays: usize,
+    pub(super) n_hits: usize,
+    pub(super) n_misses: usize,
+    pub(super) n_left: usize,
+    pub(super) n_wrong: usize,
     /// Greatest difference of `t`, relative to coordinates, of hits that are not grazing.
-    off: f64,
+    pub(super) off: f64,
 }
 
 impl Tally {
@@ -147,7 +147,14 @@ impl Tally {
     }
 
     /// What the first pass decides.
-    fn certain(&mut self, gpu: &Gpu, scene: &TracedScene, cpu: &dyn Intersect, rays: &[Ray], bound_scale: f64) {
+    pub(super) fn certain(
+        &mut self,
+        gpu: &Gpu,
+        scene: &TracedScene,
+        cpu: &dyn Intersect,
+        rays: &[Ray],
+        bound_scale: f64,
+    ) {
         let rays: Vec<_> = rays.iter().filter_map(|ray| Some((ray, ScaledRay::new(ray)?))).collect();
         let there: Vec<DeviceRay> = rays.iter().map(|(_, scaled)| DeviceRay::scaled(scaled)).collect();
         self.n_rays += rays.len();
@@ -164,7 +171,7 @@ impl Tally {
     }
 
     /// The answers of both queries, of which those that are incomplete are the CPU's.
-    fn queries(&mut self, gpu: &Gpu, scene: &TracedScene, cpu: &dyn Intersect, rays: &[Ray]) {
+    pub(super) fn queries(&mut self, gpu: &Gpu, scene: &TracedScene, cpu: &dyn Intersect, rays: &[Ray]) {
         self.n_rays += rays.len();
         for (ray, outcome) in rays.iter().zip(block_on(scene.closest_hits(gpu, rays)).unwrap()) {
             match outcome {
@@ -181,7 +188,7 @@ impl Tally {
 }
 
 /// Scales and offsets of clouds of segments.
-const CLOUDS: [(f32, [f32; 3]); 6] = [
+pub(super) const CLOUDS: [(f32, [f32; 3]); 6] = [
     (1.0, [0.0; 3]),
     (1e-6, [0.0; 3]),
     (1e6, [0.0; 3]),

@@ -60,7 +60,7 @@ impl TracedScene {
 
     /// The BVH with a header.
     async fn download_number(&self, gpu: &Gpu, number: usize) -> Result<DownloadedBvh, GpuError> {
-        if self.has_segments() {
+        if self.has_curves() {
             return Err(GpuError::Unsupported { what: "a download of a scene with curves".to_owned() });
         }
         let header = gpu.read(self.tables().headers()).await?[number];

@@ -23,8 +23,8 @@ pub(super) struct MeshBounds {
     pub(super) reach: f32,
     /// Empty for a mesh without triangles.
     pub(super) aabb: Aabb,
-    /// Whether it is made of round segments instead of triangles.
-    pub(super) is_of_segments: bool,
+    /// Whether it is made of curves instead of triangles.
+    pub(super) is_of_curves: bool,
 }
 
 /// Instances with a wide BVH, ready for upload.
@@ -87,7 +87,7 @@ impl Packing {
     }
 
     fn add(&mut self, index: usize, instance: &Instance, meshes: &[MeshBounds]) -> Result<(), GpuError> {
-        let Some(MeshBounds { reach: reach_object, aabb, is_of_segments }) = meshes.get(instance.blas as usize) else {
+        let Some(MeshBounds { reach: reach_object, aabb, is_of_curves }) = meshes.get(instance.blas as usize) else {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
         };
         let inverse = instance.object_from_world(index).map_err(|error| untraceable(&error))?;
@@ -112,7 +112,7 @@ impl Packing {
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // BVH 0 is the top level.
-        let words = [instance.blas + 1, number, instance.mask, (*is_of_segments).into()];
+        let words = [instance.blas + 1, number, instance.mask, (*is_of_curves).into()];
         self.instances.push(InstanceData::new(&inverse, &instance.world_from_object, words));
         if !aabb.is_empty() && instance.mask != 0 {
             self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(aabb, &end))));
@@ -292,7 +292,7 @@ mod tests {
         let meshes: Vec<_> = reaches.iter().map(|&reach| mesh(reach)).collect();
         let bounds: Vec<_> = meshes
             .iter()
-            .map(|mesh| MeshBounds { reach: mesh.raw().reach, aabb: mesh.aabb(), is_of_segments: false })
+            .map(|mesh| MeshBounds { reach: mesh.raw().reach, aabb: mesh.aabb(), is_of_curves: false })
             .collect();
         TopLevel::new(&bounds, instances).map_err(|error| error.to_string())
     }

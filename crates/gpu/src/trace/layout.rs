@@ -125,7 +125,7 @@ impl BvhHeader {
 pub(super) struct InstanceData {
     /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.
     rows: [[f32; 4]; 3],
-    /// Index of its BVH; index of its motion plus one, or 0 for none; its mask; whether the BVH is over round segments.
+    /// Index of its BVH; index of its motion plus one, or 0 for none; its mask; whether the BVH is over curves.
     bvh: Quad,
     /// Rows of `object_from_world` as on the CPU, with translations: for each entry the lower half of its f64, then the upper.
     exact_rows: [[[u32; 2]; 4]; 3],

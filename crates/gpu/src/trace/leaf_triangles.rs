@@ -57,6 +57,11 @@ impl<'a> UploadedBvh<'a> {
         Self { words, triangles }
     }
 
+    /// A BVH over curves with these records. The leaves name places in the order of the CPU, which is kept.
+    pub(super) fn over_curves(words: RawBvh<'a>, records: Vec<LeafTriangle>) -> Self {
+        Self { words, triangles: records }
+    }
+
     /// A BVH over round segments. The leaves name places in the order of the CPU, which is kept.
     pub(super) fn over_segments(words: RawBvh<'a>, segments: &[RoundSegment]) -> Self {
         let record = |id: &PrimId| {

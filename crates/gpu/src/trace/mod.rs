@@ -11,6 +11,8 @@
 mod layout;
 
 mod leaf_triangles;
+
+mod leaf_curves;
 mod octants;
 mod ray_list;
 
@@ -34,6 +36,7 @@ pub use download::DownloadedBvh;
 pub use instanced_scene::InstancedScene;
 pub use instances::{MAX_CONDITION, MotionPolynomials};
 pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE, ModuleHit};
+pub use leaf_curves::{DeviceCurve, HostCurves};
 pub use nodes::DeviceBvh;
 pub use query::Outcome;
 pub use ray_list::RayList;

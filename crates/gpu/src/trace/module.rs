@@ -85,7 +85,7 @@ impl TracedScene {
     /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with round
     /// segments.
     pub fn module<'a>(&self, options: impl Into<ModuleOptions<'a>>) -> Result<String, GpuError> {
-        if self.has_segments() {
+        if self.has_curves() {
             return Err(GpuError::Unsupported { what: "curves in a kernel of a program's own".to_owned() });
         }
         Ok(traversal_module(&self.traversal(), &self.tables().lengths(), options)?)

@@ -13,6 +13,7 @@ use bytemuck::{Pod, Zeroable};
 use canted_lbvh::{Bits, Corners, Strategy};
 
 use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
+use super::leaf_curves::CurveKinds;
 use super::leaf_triangles::UploadedBvh;
 use crate::build::{
     BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig, WideLevel,
@@ -254,9 +255,12 @@ impl Nodes {
         }
     }
 
-    /// Whether some BVHs are over round segments.
-    pub(super) fn has_segments(&self) -> bool {
-        matches!(self, Self::Wide(WideNodes { has_segments: true, .. }))
+    /// Which curves some BVHs are over.
+    pub(super) fn curves(&self) -> CurveKinds {
+        match self {
+            Self::Wide(WideNodes { curves, .. }) => *curves,
+            Self::Binary(_) => CurveKinds::None,
+        }
     }
 
     pub(super) fn n_bytes(&self) -> u64 {
@@ -366,18 +370,18 @@ pub(super) struct WideNodes {
     pub(super) triangles: Buffer<Quad>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
-    /// Whether some BVHs are over round segments.
-    pub(super) has_segments: bool,
+    /// Which curves some BVHs are over.
+    pub(super) curves: CurveKinds,
     /// What it takes to write them again, where the device does.
     collapse: Option<Collapse>,
 }
 
 impl WideNodes {
-    /// Uploads BVHs that the CPU built, some of which may be over round segments; also returns their headers.
+    /// Uploads BVHs that the CPU built, some of which may be over curves; also returns their headers.
     pub(super) fn uploaded(
         gpu: &Gpu,
         bvhs: &[(UploadedBvh<'_>, HitError)],
-        has_segments: bool,
+        curves: CurveKinds,
     ) -> Result<(Self, Vec<BvhHeader>), GpuError> {
         let nodes: Vec<&[Quad]> = bvhs.iter().map(|(bvh, _)| quads(&bvh.words.nodes)).collect();
         let triangles: Vec<&[Quad]> = bvhs.iter().map(|(bvh, _)| bvh.triangles.as_flattened()).collect();
@@ -392,7 +396,7 @@ impl WideNodes {
             nodes: joined(gpu, "nodes", &nodes)?,
             triangles: joined(gpu, "triangles of leaves", &triangles)?,
             is_aligned: bvhs.iter().all(|(bvh, _)| is_aligned(quads(&bvh.words.nodes), bvh.words.root)),
-            has_segments,
+            curves,
             collapse: None,
         };
         Ok((wide, headers))
@@ -401,7 +405,7 @@ impl WideNodes {
     /// Those that the device built, and can write again.
     fn built(bvhs: WideBvhs) -> Self {
         let WideBvhs { nodes, triangles, is_oriented, collapse, .. } = bvhs;
-        Self { nodes, triangles, is_aligned: !is_oriented, has_segments: false, collapse: Some(collapse) }
+        Self { nodes, triangles, is_aligned: !is_oriented, curves: CurveKinds::None, collapse: Some(collapse) }
     }
 
     /// Writes those of a range of trees of a level again.
@@ -427,7 +431,11 @@ impl WideNodes {
 
     fn specialize(&self, chosen: Variant) -> Variant {
         let kinds = if self.is_aligned { choice::NodeKinds::Aligned } else { choice::NodeKinds::Any };
-        let traverse = if self.has_segments { choice::Traverse::Curves } else { choice::Traverse::Wide };
+        let traverse = match self.curves {
+            CurveKinds::None => choice::Traverse::Wide,
+            CurveKinds::Segments => choice::Traverse::Curves,
+            CurveKinds::All | CurveKinds::Moving => choice::Traverse::Kinds,
+        };
         chosen.with(kinds).with(traverse)
     }
 

@@ -74,8 +74,8 @@ impl TracedScene {
         let exact = |each| gpu.kernel(names.exact, &self.specialize(exact_parts()).with(each));
         Ok(match self.certain_kernels(gpu, names, each, None)? {
             // No kernel repeats the arithmetic of the CPU for segments.
-            None if self.has_segments() => Kernels::Host,
-            Some(certain) if self.has_segments() => Kernels::CertainFirst { certain, listed: None },
+            None if self.has_curves() => Kernels::Host,
+            Some(certain) if self.has_curves() => Kernels::CertainFirst { certain, listed: None },
             None => Kernels::Exact(exact(each)?),
             Some(certain) => Kernels::CertainFirst { certain, listed: Some(exact(choice::Each::Listed)?) },
         })
@@ -127,7 +127,12 @@ impl TracedScene {
             let device_rays: Vec<DeviceRay> =
                 scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
             let start = Instant::now();
-            let answers = self.slice(gpu, kernels, (into, incomplete), &device_rays).await?;
+            let mut answers = self.slice(gpu, kernels, (into, incomplete), &device_rays).await?;
+            if self.has_moving_curves() {
+                // Rays of the device are at shutter opening.
+                let later = slice.iter().zip(&mut answers).filter(|(ray, _)| ray.time > 0.0);
+                later.for_each(|(_, answer)| *answer = incomplete);
+            }
             take(&scaled, answers);
             n = next_size(n, start.elapsed()).min(most);
             waiting = rest;

@@ -9,6 +9,7 @@ use canted_wide::RawBvh;
 
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
+use super::leaf_curves::CurveKinds;
 use super::leaf_triangles::UploadedBvh;
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
@@ -93,7 +94,7 @@ impl TracedScene {
         let masked = |mesh: usize| masked.get(mesh).map_or(&[][..], Vec::as_slice);
         let raw: Vec<RawBvh<'_>> = meshes.iter().map(|mesh| mesh.raw()).collect();
         let bounds: Vec<MeshBounds> = meshes.iter().zip(&raw).map(|(mesh, words)| mesh.bounds(words)).collect();
-        let has_segments = bounds.iter().any(|mesh| mesh.is_of_segments);
+        let curves = meshes.iter().map(|mesh| mesh.kinds()).max().unwrap_or_default();
         let deepest = raw.iter().map(|words| words.depth).max().unwrap_or(0);
         let instances = match levels {
             Levels::One(first_triangles) => {
@@ -101,7 +102,7 @@ impl TracedScene {
                 check_depth(deepest)?;
                 let bvh = meshes[0].uploaded(&raw[0], masked(0))?;
                 let all = [(bvh, HitError::of_triangles(raw[0].reach))];
-                let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
+                let (nodes, headers) = WideNodes::uploaded(gpu, &all, curves)?;
                 let level = Level::flat(first_triangles);
                 let scene = Self::over(gpu, Nodes::Wide(nodes), &headers, &level, deepest).await?;
                 return Ok(Self { has_masked, ..scene });
@@ -117,7 +118,7 @@ impl TracedScene {
         for (number, (mesh, words)) in meshes.iter().zip(&raw).enumerate() {
             all.push((mesh.uploaded(words, masked(number))?, HitError::of_triangles(words.reach)));
         }
-        let (nodes, headers) = WideNodes::uploaded(gpu, &all, has_segments)?;
+        let (nodes, headers) = WideNodes::uploaded(gpu, &all, curves)?;
         let scene = Self::over(gpu, Nodes::Wide(nodes), &headers, &Level::two(outer.packing, order), depth).await?;
         Ok(Self { has_masked, ..scene })
     }
@@ -136,7 +137,7 @@ impl TracedScene {
         let of_root = |aabb: Aabb| MeshBounds {
             reach: if aabb.is_empty() { 0.0 } else { aabb.reach() },
             aabb,
-            is_of_segments: false,
+            is_of_curves: false,
         };
         let bounds: Vec<_> = bottom.root_aabbs(gpu).await?.into_iter().map(of_root).collect();
         let (level, top) = match levels {
@@ -225,12 +226,17 @@ impl TracedScene {
 
     /// Whether the scene has round segments.
     #[must_use]
-    pub fn has_segments(&self) -> bool {
-        self.nodes.has_segments()
+    pub fn has_curves(&self) -> bool {
+        self.nodes.curves() != CurveKinds::None
+    }
+
+    /// Whether the scene has curves whose points move.
+    pub(super) fn has_moving_curves(&self) -> bool {
+        self.nodes.curves() == CurveKinds::Moving
     }
 
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene [has
-    /// segments](Self::has_segments) `exits`.
+    /// curves](Self::has_curves) `exits`.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.with(self.tables.level()).number(Number::MaxIterations, self.max_iterations);
@@ -242,10 +248,11 @@ impl TracedScene {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
-        let (decide, weights) = match (self.has_segments(), self.has_masked) {
-            (false, false) => (choice::Decide::Triangles, choice::Weights::Triangles),
-            (false, true) => (choice::Decide::Masked, choice::Weights::Triangles),
-            (true, _) => (choice::Decide::Curves, choice::Weights::Curves),
+        let (decide, weights) = match (self.nodes.curves(), self.has_masked) {
+            (CurveKinds::None, false) => (choice::Decide::Triangles, choice::Weights::Triangles),
+            (CurveKinds::None, true) => (choice::Decide::Masked, choice::Weights::Triangles),
+            (CurveKinds::Segments, _) => (choice::Decide::Curves, choice::Weights::Curves),
+            (CurveKinds::All | CurveKinds::Moving, _) => (choice::Decide::Kinds, choice::Weights::Kinds),
         };
         Ok(Some(self.specialize(chosen).with(decide).with(weights).of_kernel(kernel)?))
     }

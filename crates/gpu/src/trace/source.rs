@@ -6,6 +6,7 @@ use canted_trace::RoundSegment;
 use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
 use super::instances::MeshBounds;
+use super::leaf_curves::{CurveKinds, DeviceCurve, HostCurves};
 use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
 use super::nodes::DeviceBvh;
 use super::octants::by_octants;
@@ -13,9 +14,10 @@ use crate::GpuError;
 
 /// Where the BVHs of a [`TracedScene`](crate::TracedScene) come from, and what is above them.
 ///
-/// In a scene with round segments the `u` of a hit is the position along the segment and its `v` is 0, in kernels 1 where the ray leaves. Batches of rays leave to
-/// the CPU what single precision does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)); kernels that use `shared/traverse` take the answer of single
-/// precision, whose hits are within [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and may miss a segment that a ray enters less deep than that.
+/// Of a hit of a curve `u` is the position along it, and `v` the position across a ribbon, else 0, or in kernels 1 where the ray leaves. Batches of rays leave to
+/// the CPU what single precision does not decide ([`Outcome::Incomplete`](crate::Outcome::Incomplete)), and rays later than shutter opening through curves whose
+/// points move; kernels that use `shared/traverse` take the answer of single precision, whose hits are within [`HIT_ERROR`](crate::HIT_ERROR) of the surface, and
+/// may miss a curve that a ray enters less deep than that.
 pub enum Source<'a> {
     /// One level: a BVH in world space that the CPU built, which is uploaded.
     Wide(HostBvh<'a>),
@@ -44,6 +46,8 @@ pub enum HostBvh<'a> {
     Triangles(&'a TriangleBvh),
     /// Over round segments.
     Segments(&'a WideBvh<RoundSegment>),
+    /// Over spheres and other curves: cubic ones, ribbons, and those whose points move.
+    Curves(HostCurves<'a>),
 }
 
 impl<'a> From<&'a TriangleBvh> for HostBvh<'a> {
@@ -58,20 +62,36 @@ impl<'a> From<&'a WideBvh<RoundSegment>> for HostBvh<'a> {
     }
 }
 
+impl<'a, P: DeviceCurve> From<&'a WideBvh<P>> for HostBvh<'a> {
+    fn from(bvh: &'a WideBvh<P>) -> Self {
+        Self::Curves(bvh.into())
+    }
+}
+
 impl<'a> HostBvh<'a> {
     pub(super) fn raw(self) -> RawBvh<'a> {
         match self {
             Self::Triangles(bvh) => bvh.raw(),
             Self::Segments(bvh) => bvh.raw(),
+            Self::Curves(bvh) => bvh.raw(),
         }
     }
 
     pub(super) fn bounds(self, words: &RawBvh<'_>) -> MeshBounds {
-        let (aabb, is_of_segments) = match self {
-            Self::Triangles(bvh) => (bvh.aabb(), false),
-            Self::Segments(bvh) => (bvh.aabb(), true),
+        let aabb = match self {
+            Self::Triangles(bvh) => bvh.aabb(),
+            Self::Segments(bvh) => bvh.aabb(),
+            Self::Curves(bvh) => bvh.aabb(),
         };
-        MeshBounds { reach: words.reach, aabb, is_of_segments }
+        MeshBounds { reach: words.reach, aabb, is_of_curves: self.kinds() != CurveKinds::None }
+    }
+
+    pub(super) fn kinds(self) -> CurveKinds {
+        match self {
+            Self::Triangles(_) => CurveKinds::None,
+            Self::Segments(_) => CurveKinds::Segments,
+            Self::Curves(bvh) => bvh.kinds(),
+        }
     }
 
     /// The BVH as it is uploaded.
@@ -79,6 +99,7 @@ impl<'a> HostBvh<'a> {
         let (bvh, what) = match self {
             Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words), masked), "triangles"),
             Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
+            Self::Curves(bvh) => (UploadedBvh::over_curves(by_octants(words), bvh.records(words)), "curves"),
         };
         let n = bvh.triangles.len();
         if n > MOST_TRIANGLES {

@@ -30,7 +30,7 @@ impl TracedScene {
     /// place of those of this crate, and decide which hits of [masked triangles](crate::Options::masked) count.
     ///
     /// # Errors
-    /// A scene with round segments, some of whose rays the CPU must trace; a limit of the device.
+    /// A scene with curves, some of whose rays the CPU must trace; a limit of the device.
     pub fn stream_queries(
         &self,
         gpu: &Gpu,
@@ -45,8 +45,8 @@ impl TracedScene {
                 Some(own) => kernels.with_exact(own),
             })
         };
-        if self.has_segments() {
-            return Err(GpuError::Unsupported { what: "streams of rays through round segments".to_owned() });
+        if self.has_curves() {
+            return Err(GpuError::Unsupported { what: "streams of rays through curves".to_owned() });
         }
         Ok(StreamQueries {
             closest: kernels(&CLOSEST, own_closest)?,

@@ -204,7 +204,7 @@ impl<'a> DevicePicture<'a> {
             Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
-        let can_stream = can_stream(scene, settings) && !traced.has_segments();
+        let can_stream = can_stream(scene, settings) && !traced.has_curves();
         let light = match can_stream.then(|| streams(gpu, &chosen, scene, (&packed, &traced), settings)) {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),

@@ -3,10 +3,11 @@
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
-use canted_scene::{CurveSegments, Curves, Instance, Mesh, Scene};
+use canted_scene::{Instance, Mesh, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::curves::{curve_kind, curve_reach, packed_curves, put_curves};
 use super::materials::{Columns, Materials};
 use super::slack;
 use crate::scene_bvh::instances;
@@ -41,7 +42,7 @@ pub(super) struct PackedPlacement {
     pub(super) cofactor_x: [f32; 3],
     pub(super) motion: u32,
     pub(super) cofactor_y: [f32; 3],
-    pub(super) is_curve: u32,
+    pub(super) curve_kind: u32,
     pub(super) cofactor_z: [f32; 3],
     padding_z: u32,
 }
@@ -92,9 +93,9 @@ impl Geometry {
         let mut n_motions = 0;
         let placement = |(instance, motion): (&Instance, &Option<MotionPolynomials>)| {
             let (first_triangle, reach) = of_meshes[instance.mesh.0 as usize];
-            let is_curve = scene.meshes[instance.mesh.0 as usize].curves.is_some().into();
+            let curve_kind = curve_kind(&scene.meshes[instance.mesh.0 as usize]);
             let still =
-                PackedPlacement { is_curve, ..packed_placement(&instance.world_from_object, first_triangle, reach) };
+                PackedPlacement { curve_kind, ..packed_placement(&instance.world_from_object, first_triangle, reach) };
             let Some(motion) = motion else { return still };
             // In the order of the top-level BVH.
             n_motions += 1;
@@ -126,7 +127,8 @@ impl Geometry {
         put(words, stride, 0, &positions);
         let pose = Pose::fixed(map);
         put_attributes(words, mesh, columns, &pose);
-        let segments = mesh.curves.as_ref().map(|curves| packed_segments(mesh, curves, base));
+        put_curves(words, mesh, columns);
+        let segments = mesh.curves.as_ref().map(|curves| packed_curves(mesh, curves, base, columns));
         let n = segments.as_ref().map_or(mesh.triangles.len(), Vec::len);
         for (index, part) in mesh.parts.iter().enumerate() {
             let end = mesh.parts.get(index + 1).map_or(n, |next| next.first_triangle as usize);
@@ -141,26 +143,9 @@ impl Geometry {
         }
         match &mesh.curves {
             None => Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach(),
-            Some(Curves { radii, .. }) => {
-                let reach =
-                    |(p, radius): (&[f32; 3], &f32)| p.iter().fold(0.0, |all: f32, x| all.max(x.abs())) + radius;
-                positions.iter().zip(radii).map(reach).fold(0.0, f32::max)
-            }
+            Some(curves) => curve_reach(mesh, curves),
         }
     }
-}
-
-/// The segments of curves whose points start at vertex `base`, without materials, in the form of `shared/surface_curve/shapes/curves`: radii and the part of the
-/// strand in place of normal and area. There are none for curves that devices do not trace.
-fn packed_segments(mesh: &Mesh, Curves { radii, segments, .. }: &Curves, base: u32) -> Vec<PackedTriangle> {
-    let CurveSegments::Linear(list) = segments else { return vec![] };
-    let segment = |(&[a, b], [from, to]): (&[u32; 2], [f32; 2])| PackedTriangle {
-        vertices: [base + a, base + b, base + a],
-        material: 0,
-        normal: [radii[a as usize], radii[b as usize], from],
-        area_root: to,
-    };
-    list.iter().zip(mesh.strand_coordinates()).map(segment).collect()
 }
 
 /// A triangle of a mesh whose vertices start at `base`, placed in this pose.
@@ -179,7 +164,7 @@ fn packed_triangle(corners: [u32; 3], base: u32, mesh: &Mesh, pose: &Pose, mater
 }
 
 /// Writes an attribute of all vertices.
-fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[[f32; N]]) {
+pub(super) fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[[f32; N]]) {
     let column = column as usize;
     for (vertex, value) in words.chunks_exact_mut(stride).zip(values) {
         vertex[column..column + N].copy_from_slice(&value.map(tame));
@@ -267,7 +252,7 @@ fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlac
         cofactor_x,
         motion: u32::MAX,
         cofactor_y,
-        is_curve: 0,
+        curve_kind: 0,
         cofactor_z,
         padding_z: 0,
     }

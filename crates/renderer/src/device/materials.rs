@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{Buffer, Gpu, GpuError, Number, Variant, choice};
 use canted_scene::{
-    AlphaMode, Encoding, Hair as HairSource, Magnification, Material, MaterialId, Mesh, Scene, Texture, TextureId,
-    TextureRef, UvSet, Wrap,
+    AlphaMode, CurveSegments, CurveShape, Curves, Encoding, Hair as HairSource, Magnification, Material, MaterialId,
+    Mesh, Scene, Texture, TextureId, TextureRef, UvSet, Wrap,
 };
 
 use crate::surface::hit_filter::is_single_sided;
@@ -22,6 +22,9 @@ pub(super) struct Columns {
     pub(super) color: u32,
     pub(super) uv: u32,
     pub(super) second_uv: u32,
+    /// The radius of points of curves, and their positions and radii at shutter closing, in scenes with other curves than segments that do not move.
+    pub(super) radius: u32,
+    pub(super) close: u32,
 }
 
 impl Columns {
@@ -39,8 +42,19 @@ impl Columns {
         let color = add(any(|mesh| mesh.colors.is_some()), 4);
         let uv = add(has_textures && any(|mesh| mesh.uvs.is_some()), 2);
         let second_uv = add(has_textures && any(|mesh| mesh.second_uvs.is_some()), 2);
-        Self { normal, tangent, color, uv, second_uv, ..columns }
+        let has_kinds = scene.meshes.iter().any(has_other_curves);
+        let radius = add(has_kinds, 1);
+        let close = add(has_kinds && any(|mesh| mesh.close.is_some()), 4);
+        Self { normal, tangent, color, uv, second_uv, radius, close, ..columns }
     }
+}
+
+/// Whether a mesh has curves that are not round segments, or move.
+fn has_other_curves(mesh: &Mesh) -> bool {
+    let is_plain = |Curves { segments, shape, .. }: &Curves| {
+        matches!((segments, shape), (CurveSegments::Linear(_), CurveShape::Tube))
+    };
+    mesh.curves.as_ref().is_some_and(|curves| !is_plain(curves) || mesh.close.is_some())
 }
 
 /// No texture.

@@ -1,6 +1,7 @@
 //! Renders pictures on a GPU: packs what the CPU's integrators read into buffers, and collects samples from kernels.
 
 mod collector;
+mod curves;
 mod device_picture;
 mod frames;
 mod geometry;

@@ -1,6 +1,6 @@
 //! The buffers of a scene, and nothing that it does not need.
 
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Number, Variant, choice};
+use canted_gpu::{Buffer, Gpu, GpuError, MotionPolynomials, NamedBinding, Number, Variant, choice};
 use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
@@ -11,6 +11,7 @@ use super::materials::{
 };
 use super::streams::Masked;
 use crate::light::{ListLight, is_shape};
+use crate::scene_bvh::instances;
 use crate::surface::hit_filter;
 use crate::texture::Textures;
 use crate::{Hemisphere, Integrator, Lod, Settings, bsdf};
@@ -96,7 +97,7 @@ impl PackedScene {
         let has_hair = !materials.hairs.is_empty();
         let has = Has {
             instances: placements.is_some(),
-            motion: scene.has_motion(),
+            motion: instances(scene).iter().any(|instance| MotionPolynomials::of(instance).is_some()),
             normals: columns.normal > 0,
             normal_maps,
             masks: hit_filter::uses_alpha(scene),
@@ -182,7 +183,12 @@ impl PackedScene {
             (false, true) => choice::Mask::Faces,
             (true, true) => choice::Mask::Both,
         };
-        let shapes = if curves { choice::Shapes::Curves } else { choice::Shapes::Triangles };
+        let has_kinds = self.columns.radius > 0;
+        let shapes = match (curves, has_kinds) {
+            (false, _) => choice::Shapes::Triangles,
+            (true, false) => choice::Shapes::Curves,
+            (true, true) => choice::Shapes::Kinds,
+        };
         let chosen = chosen
             .with(shapes)
             .with(placed)
@@ -190,6 +196,12 @@ impl PackedScene {
             .with(mask)
             .number(Number::Stride, self.columns.stride)
             .number(Number::Color, self.columns.color);
+        let chosen = match self.columns {
+            Columns { radius, close, .. } if has_kinds => {
+                chosen.number(Number::Radius, radius).number(Number::Close, close)
+            }
+            _ => chosen,
+        };
         let exits = if hair { choice::Exits::Hair } else { choice::Exits::Kept };
         let chosen = if curves { chosen.with(exits) } else { chosen };
         let chosen = if normals || normal_maps { chosen.number(Number::Normal, self.columns.normal) } else { chosen };

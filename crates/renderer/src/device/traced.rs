@@ -7,25 +7,20 @@ use canted_gpu::{DeviceBvh, Gpu, HostBvh, Options, Source, TracedScene, block_on
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::{Instance, Material, Mesh, Part, Scene};
 
+use super::curves::moving_curves;
 use super::{DeviceError, DeviceFrames};
 use crate::scene_bvh::{flatten_distinct, has_one_level, instances};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, coincident};
 
 const BUILT_CURVES: DeviceError = DeviceError::Unsupported { what: "curves in BVHs that the GPU builds" };
 
-const CUBIC_CURVES: DeviceError = DeviceError::Unsupported { what: "cubic curves" };
-
-const RIBBONS: DeviceError = DeviceError::Unsupported { what: "ribbons" };
-
 const PATCHES: DeviceError = DeviceError::Unsupported { what: "patches" };
-
-const MOVING_CURVES: DeviceError = DeviceError::Unsupported { what: "curves whose points move" };
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
 /// What the device traces.
 enum Kind<'a> {
-    /// The CPU's BVH of each mesh, over triangles or round segments.
+    /// The CPU's BVH of each mesh, over triangles or curves.
     Wide(Vec<HostBvh<'a>>),
     /// Binary BVHs with these volumes, which the device builds.
     Binary(Strategy),
@@ -188,10 +183,11 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
             BottomLevel::Moving(_) => return Err(DEFORMING),
             BottomLevel::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
-            BottomLevel::Cubics(_) => return Err(CUBIC_CURVES),
-            BottomLevel::Ribbons(_) | BottomLevel::CubicRibbons(_) => return Err(RIBBONS),
+            BottomLevel::Cubics(cubics) => meshes.push(cubics.into()),
+            BottomLevel::Ribbons(ribbons) => meshes.push(ribbons.into()),
+            BottomLevel::CubicRibbons(ribbons) => meshes.push(ribbons.into()),
             BottomLevel::Patches(_) => return Err(PATCHES),
-            BottomLevel::MovingCurves(_) => return Err(MOVING_CURVES),
+            BottomLevel::MovingCurves(curves) => meshes.push(moving_curves(&**curves).ok_or(PATCHES)?),
         }
     }
     Ok(Kind::Wide(meshes))
