@@ -119,7 +119,7 @@ fn leaf(word: u32) {
 /// Tests the primitive at a quad, and keeps what is certain about its hit.
 fn decide(at: u32) {
     if !is_of_curves() {
-        decide_triangle(at);
+        decide_triangle(at, false);
         return;
     }
     let kind = leaf_triangles[at + 1u].w;

@@ -135,7 +135,8 @@ impl Crate {
                         current.pop();
                     }
                 }
-                ["use", ..] => {
+                // `use<>` says what an `impl Trait` captures.
+                ["use", next, ..] if next != "<" => {
                     let end = tokens[i..].iter().position(|&token| token == ";").map_or(tokens.len(), |n| i + n);
                     self.add_uses(&current, &[], &tokens[i + 1..end]);
                     i = end;

@@ -89,7 +89,7 @@ fn strands(rng: &mut SplitMix64, n: usize, scale: f32, offset: [f32; 3]) -> Vec<
             3 => [1e-3 * radius, 2.0 * radius, 0.5 * radius, radius],
             _ => [1e-6 * length; 4],
         };
-        let next = if i % 3 == 0 { d } else { near(1.5, 0.8, rng) };
+        let next = if i.is_multiple_of(3) { d } else { near(1.5, 0.8, rng) };
         let place = |p: [f32; 3]| plus(offset, scale, p);
         Strand { points: [a, b, c, d].map(place), radii: radii.map(|r| scale * r), next: place(next) }
     };
@@ -143,7 +143,7 @@ fn rays(rng: &mut SplitMix64, strands: &[Strand], n: usize, scale: f32) -> Vec<R
             let way = towards.iter().map(|x| x * x).sum::<f32>().sqrt() + radius * 1.5 * unit(rng);
             let t = (way / along).max(0.0);
             if t.is_finite() {
-                (ray.t_min, ray.t_max) = if i % 2 == 0 { (0.0, t) } else { (t, f32::INFINITY) };
+                (ray.t_min, ray.t_max) = if i.is_multiple_of(2) { (0.0, t) } else { (t, f32::INFINITY) };
             }
         }
         ray
