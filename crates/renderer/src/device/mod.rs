@@ -15,6 +15,7 @@ mod slack;
 mod traced;
 #[doc(hidden)]
 pub mod twins;
+mod vertices;
 
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use frames::{DeviceFrames, DeviceUpdates};

@@ -4,11 +4,12 @@ use canted_gpu::{Buffer, Gpu, GpuError, MotionPolynomials, NamedBinding, Variant
 use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
-use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
+use super::geometry::{Geometry, PackedPlacement, Placed};
 use super::lights::SampledLights;
 use super::materials::{
     Columns, ImageHeads, Images, Materials, PackedHair, PackedMaterial, Slot, Texels, used_textures,
 };
+use super::vertices::PackedTriangle;
 use crate::light::{ListLight, is_shape};
 use crate::scene_bvh::instances;
 use crate::surface::hit_filter;
