@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 use canted_film::{Block, CELL, Components, Dyadic, Guide, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
-use super::picture::Slice;
+use super::picture::{CELL_PIXELS, Slice};
 use super::records::{
-    CELL_PIXELS, PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun,
-    Taken, n_records,
+    PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun, Taken,
+    n_records,
 };
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};

@@ -5,8 +5,8 @@ use canted_scene::{CurveSegments, CurveShape, Curves, Mesh};
 use canted_trace::{RibbonCubic, RibbonSegment, RoundCubic, RoundSegment};
 use canted_wide::{Moving, WideBvh};
 
-use super::geometry::{PackedTriangle, put};
 use super::materials::Columns;
+use super::vertices::{PackedTriangle, put};
 use crate::CurveBvh;
 
 /// Bits of a kind, as in `shared/curve`.

@@ -16,6 +16,7 @@ mod streams;
 mod traced;
 #[doc(hidden)]
 pub mod twins;
+mod vertices;
 
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use frames::{DeviceFrames, DeviceUpdates};

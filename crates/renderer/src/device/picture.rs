@@ -8,6 +8,9 @@ use super::DeviceError;
 use crate::narrow;
 use crate::{Pattern, Sampler, Settings, View};
 
+/// Pixels of a cell, and invocations of a work-group.
+pub(super) const CELL_PIXELS: usize = 64;
+
 /// Stratified samples per pixel that kernels count in 32 bits.
 const MAX_STRATIFIED: u32 = 1 << 20;
 

@@ -13,12 +13,10 @@ use bytemuck::{Pod, Zeroable};
 use canted_film::{Aovs, Block, Pixel};
 use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, TracedScene, block_on, choice};
 
+use super::picture::CELL_PIXELS;
 use super::streams::{StreamKernels, Streams};
 
 use crate::SampleSums;
-
-/// Pixels of a cell, and invocations of a work-group.
-pub(super) const CELL_PIXELS: usize = 64;
 
 /// `Guide` of `render/guide`: the AOVs of a sample.
 #[repr(C)]

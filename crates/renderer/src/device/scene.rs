@@ -4,12 +4,13 @@ use canted_gpu::{Buffer, Gpu, GpuError, MotionPolynomials, NamedBinding, Number,
 use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
-use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
+use super::geometry::{Geometry, PackedPlacement, Placed};
 use super::lights::SampledLights;
 use super::materials::{
     Columns, ImageHeads, Images, Materials, PackedHair, PackedMaterial, Slot, Texels, used_textures,
 };
 use super::streams::Masked;
+use super::vertices::PackedTriangle;
 use crate::light::{ListLight, is_shape};
 use crate::scene_bvh::instances;
 use crate::surface::hit_filter;

@@ -14,7 +14,7 @@ use canted_gpu::{
     TracedScene, Variant, block_on, choice, wgsl,
 };
 
-use super::records::CELL_PIXELS;
+use super::picture::CELL_PIXELS;
 
 /// Words of a state, as many as the larger one has: `Gathering` of `shaders/shared/hybrid.wgsl`, `Path` of `path.wgsl`.
 pub(super) const STATE_WORDS: usize = 52;
