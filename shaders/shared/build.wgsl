@@ -216,6 +216,8 @@ struct Digit {
     n_tiles: u32,
     /// Lowest bit of the digit.
     shift: u32,
+    /// Whether counts are prefix sums; if not, there are few tiles, and every tile sums those before it.
+    is_scanned: u32,
 }
 
 @group(0) @binding(1) var<uniform> digit: Digit;

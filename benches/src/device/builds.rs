@@ -208,7 +208,7 @@ pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
         "\n### Sort\n\nStable sort of random keys with their indices; million pairs per second.\n\n\
          | pairs | keys of 30 bits | keys of 63 bits |\n| --- | --- | --- |\n",
     );
-    let sorter = Sorter::new(&bench.gpu)?;
+    let sorter = Sorter::new(&bench.gpu);
     for &log2 in bench.scale.sorted {
         let mut rng = SplitMix64::new(u64::from(log2));
         let mut word = || -> Vec<u32> { (0..1u32 << log2).map(|_| rng.below(1 << 32) as u32).collect() };

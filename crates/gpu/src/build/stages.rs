@@ -162,7 +162,7 @@ pub fn codes(
 /// As for [`domain`].
 pub fn sort(build: &mut BuildEncoder<'_>, primitives: &Primitives, codes: &Codes) -> Result<Sorted, GpuError> {
     let gpu = build.gpu();
-    let sorter = Sorter::new(gpu)?;
+    let sorter = Sorter::new(gpu);
     let trees = if primitives.tree_bits() > 0 { Some(trees_of(build, primitives)?) } else { None };
     let mut words = match &codes.high {
         None => vec![(&codes.low, 30)],

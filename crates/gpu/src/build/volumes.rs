@@ -225,7 +225,7 @@ impl Schedule {
     /// Out of memory, or device lost.
     pub(super) async fn new(build: &mut BuildEncoder<'_>, trees: &Trees) -> Result<Self, GpuError> {
         let gpu = build.gpu();
-        let sorter = Sorter::new(gpu)?;
+        let sorter = Sorter::new(gpu);
         let order = sorter.sort_as("levels", build, &[(&trees.heights, HEIGHT_BITS)])?;
         let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;
         let bound: [NamedBinding<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
