@@ -222,7 +222,7 @@ pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
 }
 
 /// Million pairs per second.
-fn pairs_rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
+fn pairs_rate(bench: &Bench, sorter: &Sorter<'_>, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
     let once = || -> Result<f64> {
         let mut run = BuildEncoder::timed(&bench.gpu);
         sorter.sort(&mut run, words)?;

@@ -4,8 +4,8 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
-    BufferConfig, BufferScene, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Options, Outcome, Source,
-    TracedScene, block_on, wgpu,
+    Bits, BufferConfig, BufferScene, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Options, Outcome,
+    Source, TracedScene, block_on, wgpu,
 };
 use canted_gpu::{InstanceBuffer, InstancedScene};
 use canted_lbvh::Strategy;
@@ -13,6 +13,7 @@ use canted_trace::Ray;
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![
+        needs_device(rebuilds_take_few_dispatches),
         needs_device(buffers_of_any_layout_give_the_same_hits),
         needs_device(recorded_rebuilds_and_refits_equal_a_fresh_build),
         needs_device(a_buffer_above_the_binding_limit_holds_a_small_mesh),
@@ -97,6 +98,41 @@ pub(crate) fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit
         ))
         .unwrap(),
     )
+}
+
+/// Rebuilds and refits of binary BVHs over 63-bit codes take few dispatches: for one tile of keys, for tiles that sum each other's counts, and for more.
+fn rebuilds_take_few_dispatches() {
+    let (device, queue) = opened();
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    for (n, most) in [(1000, [13, 4]), (60_000, [27, 4]), (70_000, [35, 4])] {
+        let corner = |i: u32| [1, 7, 49].map(|k| ((i * k).wrapping_mul(2_654_435_761) >> 8) as f32);
+        let soup: Vec<[f32; 3]> = (0..3 * n).map(corner).collect();
+        let soup = buffer(&device, bytemuck::cast_slice(&soup));
+        let mesh = MeshBuffers {
+            vertices: &soup,
+            first_byte: 0,
+            stride: 12,
+            n_vertices: 3 * n,
+            indices: None,
+            n_triangles: n,
+        };
+        let mut scene =
+            block_on(BufferScene::new(&gpu, &[mesh], BuildConfig { bits: Bits::B63, ..BuildConfig::default() }))
+                .unwrap();
+        let mut n_dispatches = |is_rebuild: bool| {
+            let before = gpu.traffic();
+            let mut encoder = gpu.encoder();
+            let scene = &mut scene;
+            match is_rebuild {
+                true => scene.rebuild(&gpu, &mut encoder, &[mesh]).unwrap(),
+                false => scene.refit(&gpu, &mut encoder, &[mesh]).unwrap(),
+            }
+            gpu.submit(encoder).unwrap();
+            (gpu.traffic() - before).n_dispatches
+        };
+        let found = [n_dispatches(true), n_dispatches(false)];
+        assert!(found[0] <= most[0] && found[1] <= most[1], "{n} triangles: {found:?}");
+    }
 }
 
 fn buffers_of_any_layout_give_the_same_hits() {
