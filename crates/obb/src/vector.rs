@@ -37,10 +37,10 @@ float_functions! {
 pub type Vector = [f64; 3];
 
 /// Each component in `f64`, exactly.
-#[inline]
+#[inline(always)]
 #[must_use]
-pub fn to_f64(v: [f32; 3]) -> Vector {
-    v.map(f64::from)
+pub fn to_f64([x, y, z]: [f32; 3]) -> Vector {
+    [x.into(), y.into(), z.into()]
 }
 
 /// Each component rounded to `f32`.

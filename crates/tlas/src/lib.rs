@@ -73,6 +73,7 @@ mod instance;
 mod motion;
 mod placement;
 mod query;
+mod slices;
 mod support;
 mod tlas;
 mod top;

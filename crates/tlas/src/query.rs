@@ -1,8 +1,8 @@
 use canted_obb::Obb;
 use canted_obb::round::up;
 use canted_trace::{
-    Crossings, Hit, InstanceId, Intersect, ObjectRay, PlacedRay, Query, ScaledRay, SurfacePoint, Triangles, WorldRay,
-    alternate_sides,
+    AcceptAt, Answers, Crossings, Hit, InstanceId, Intersect, ObjectRay, PlacedRay, Query, Ray, ScaledRay,
+    SurfacePoint, Triangles, WorldRay, alternate_sides, answer_one_by_one,
 };
 use canted_wide::Order;
 
@@ -11,6 +11,9 @@ use crate::{Motion, Tlas};
 
 /// Appends what a ray finds on one instance.
 type TraceInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64], &mut Vec<Hit>) + 'a;
+
+/// Enters an instance at or before the scaled `t`; returns the new one.
+pub(crate) type EnterInstance<'a> = dyn FnMut(InstanceId, f32) -> f32 + 'a;
 
 /// Visits an instance that a ray may hit.
 type VisitInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64]) + 'a;
@@ -60,51 +63,13 @@ impl<B: Intersect> Intersect for Tlas<B> {
     fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
         let ray = WorldRay::new(ray);
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
-        // With its scaled `t`, which is exact.
-        let mut best: Option<(f64, Hit)> = None;
-        let n_boxes = self.top.traverse(&ray, Order::Nearest, top, &mut |instance, t_max| {
-            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
-            let limit = best.map_or(ray.t_max, |(t, _)| t);
-            let found = match self.motion(instance) {
-                None => {
-                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: limit };
-                    blas.closest_hit_placed(&ray, instance, query, bottom)
-                }
-                Some(motion) => motion.ray_object(&ray, limit).and_then(|object| {
-                    object.closest_hit(query, instance, |ray, query| blas.closest_hit_scaled(ray, query, bottom))
-                }),
-            };
-            let Some((t, hit)) = found else { return t_max };
-            let order = |t: f64, hit: &Hit| (t, hit.instance, hit.primitive);
-            if best.is_none_or(|(best_t, best)| order(t, &hit) < order(best_t, &best)) {
-                best = Some((t, hit));
-                return up(t);
-            }
-            t_max
-        });
-        query.boxes(n_boxes);
-        best.map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit })
+        self.closest(&ray, query, bottom, |enter| self.top.traverse(&ray, Order::Nearest, top, enter))
     }
 
     fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         let ray = WorldRay::new(ray);
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
-        let mut found = false;
-        let n_boxes = self.top.traverse(&ray, Order::Any, top, &mut |instance, t_max| {
-            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
-            found = match self.motion(instance) {
-                None => {
-                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: ray.t_max };
-                    blas.occluded_placed(&ray, instance, query, bottom)
-                }
-                Some(motion) => motion.ray_object(&ray, ray.t_max).is_some_and(|object| {
-                    object.occluded(query, instance, |ray, query| blas.occluded_scaled(ray, query, bottom))
-                }),
-            };
-            if found { -1.0 } else { t_max }
-        });
-        query.boxes(n_boxes);
-        found
+        self.any(&ray, query, bottom, |enter| self.top.traverse(&ray, Order::Any, top, enter))
     }
 
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
@@ -112,6 +77,14 @@ impl<B: Intersect> Intersect for Tlas<B> {
             object.ask(query, instance, |query| blas.all_hits_scaled(&object.ray, query, stack, hits));
         });
         query.boxes(n_boxes);
+    }
+
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
+        match (answers, accept) {
+            (Answers::Closest(hits), None) => self.closest_of_slice(rays, hits),
+            (Answers::Occluded(occluded), None) => self.occluded_of_slice(rays, occluded),
+            (answers, accept) => answer_one_by_one(self, rays, first, accept, answers),
+        }
     }
 }
 
@@ -198,6 +171,69 @@ impl<B: Triangles> Tlas<B> {
 }
 
 impl<B: Intersect> Tlas<B> {
+    /// The closest hit of a ray; `traverse` calls its argument with each instance that the ray may hit, nearer ones first, as
+    /// `Top::traverse`.
+    #[inline(always)]
+    pub(crate) fn closest(
+        &self,
+        ray: &WorldRay,
+        query: &mut dyn Query,
+        bottom: &mut [u64],
+        traverse: impl FnOnce(&mut EnterInstance) -> u32,
+    ) -> Option<Hit> {
+        // With its scaled `t`, which is exact.
+        let mut best: Option<(f64, Hit)> = None;
+        let n_boxes = traverse(&mut |instance, t_max| {
+            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
+            let limit = best.map_or(ray.t_max, |(t, _)| t);
+            let found = match self.motion(instance) {
+                None => {
+                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: limit };
+                    blas.closest_hit_placed(&ray, instance, query, bottom)
+                }
+                Some(motion) => motion.ray_object(&ray, limit).and_then(|object| {
+                    object.closest_hit(query, instance, |ray, query| blas.closest_hit_scaled(ray, query, bottom))
+                }),
+            };
+            let Some((t, hit)) = found else { return t_max };
+            let order = |hit: &Hit| (hit.instance, hit.primitive);
+            if best.is_none_or(|(best_t, best)| t < best_t || t == best_t && order(&hit) < order(&best)) {
+                best = Some((t, hit));
+                return up(t);
+            }
+            t_max
+        });
+        query.boxes(n_boxes);
+        best.map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit })
+    }
+
+    /// Whether a ray hits anything; see [`Tlas::closest`].
+    #[inline(always)]
+    pub(crate) fn any(
+        &self,
+        ray: &WorldRay,
+        query: &mut dyn Query,
+        bottom: &mut [u64],
+        traverse: impl FnOnce(&mut EnterInstance) -> u32,
+    ) -> bool {
+        let mut found = false;
+        let n_boxes = traverse(&mut |instance, t_max| {
+            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
+            found = match self.motion(instance) {
+                None => {
+                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: ray.t_max };
+                    blas.occluded_placed(&ray, instance, query, bottom)
+                }
+                Some(motion) => motion.ray_object(&ray, ray.t_max).is_some_and(|object| {
+                    object.occluded(query, instance, |ray, query| blas.occluded_scaled(ray, query, bottom))
+                }),
+            };
+            if found { -1.0 } else { t_max }
+        });
+        query.boxes(n_boxes);
+        found
+    }
+
     /// The BVH of an instance and its placement; `None` if the ray does not see it.
     #[inline(always)]
     fn seen(&self, instance: InstanceId, ray: &WorldRay) -> Option<(&B, &Placement)> {

@@ -18,7 +18,7 @@ use canted_obb::round::{down, greatest, up};
 use canted_obb::vector::{length, reach, sub, to_f64};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{BoxBvh, InstanceId, Intersect, Ray, ReferencePoint, ScaledRay, WorldRay};
-use canted_wide::{Config, MAX_PRIMITIVES, Order, SimdPath, WideBvh};
+use canted_wide::{Config, MAX_PRIMITIVES, Order, PreparedRays, SimdPath, WideBvh};
 
 use crate::InstanceError;
 use crate::around::{Around, Boxes, around};
@@ -353,6 +353,58 @@ impl Top {
     }
 }
 
+/// A wide top level of one class, for rays that are prepared together.
+pub(crate) struct SingleClass<'a> {
+    class: &'a Class,
+    bvh: &'a WideBvh<Aabb>,
+    reference: ReferencePoint,
+}
+
+/// A ray that was prepared with others.
+pub(crate) struct PreparedRay<'a> {
+    pub(crate) ray: &'a ScaledRay,
+    pub(crate) of: &'a PreparedRays,
+    /// Its number among them.
+    pub(crate) i: usize,
+    /// The end of the interval, rounded outward.
+    pub(crate) t_max: f32,
+}
+
+impl Top {
+    /// See the type; `None` for other top levels.
+    pub(crate) fn single_class(&self) -> Option<SingleClass<'_>> {
+        match &self.classes[..] {
+            [class @ Class { bvh: Bvh::Wide(bvh), .. }] => Some(SingleClass { class, bvh, reference: self.reference }),
+            _ => None,
+        }
+    }
+}
+
+impl SingleClass<'_> {
+    /// Prepares up to eight rays; whether it did.
+    pub(crate) fn prepare(&self, rays: &[Ray], prepared: &mut PreparedRays) -> bool {
+        self.bvh.prepare_rays(rays, self.reference, self.class.error_of_origin(), prepared)
+    }
+
+    #[inline]
+    pub(crate) fn stack_len(&self) -> usize {
+        self.bvh.stack_len()
+    }
+
+    /// [`Top::traverse`].
+    #[inline]
+    pub(crate) fn traverse(
+        &self,
+        &PreparedRay { of, i, t_max, .. }: &PreparedRay<'_>,
+        order: Order,
+        stack: &mut [u64],
+        enter: &mut dyn FnMut(InstanceId, f32) -> f32,
+    ) -> u32 {
+        let mut visit = |PrimId(number), t_max| enter(InstanceId(self.class.id(number)), t_max);
+        self.bvh.traverse_prepared((of, i, t_max), order, stack, &mut visit)
+    }
+}
+
 /// A point near the instances.
 fn reference_of(bounds: &[Bounds]) -> ReferencePoint {
     if !bounds.iter().any(Bounds::is_empty) {
@@ -604,8 +656,15 @@ impl Class {
     /// moves the hit by as much.
     #[inline]
     fn error(&self, ray: &ScaledRay) -> f64 {
+        let [x, y, z] = ray.origin;
+        self.error_of_origin() * f64::from(greatest([x.abs(), y.abs(), z.abs()]))
+    }
+
+    /// [`Class::error`] over the greatest coordinate of the origin.
+    #[inline]
+    fn error_of_origin(&self) -> f64 {
         const ROUNDING: f64 = ReferencePoint::ROUNDING as f64;
-        (self.per_origin[1] * (1.0 + 2.0 * ROUNDING) + ROUNDING) * f64::from(greatest(ray.origin.map(f32::abs)))
+        self.per_origin[1] * (1.0 + 2.0 * ROUNDING) + ROUNDING
     }
 
     /// [`Top::traverse`] in the class; the ray is relative to the reference point.

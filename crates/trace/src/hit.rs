@@ -56,7 +56,8 @@ impl Hit {
     #[inline]
     #[must_use]
     pub fn before(&self, other: &Self) -> bool {
-        (self.t, self.instance, self.primitive) < (other.t, other.instance, other.primitive)
+        let before = || (self.instance, self.primitive) < (other.instance, other.primitive);
+        self.t < other.t || self.t == other.t && before()
     }
 }
 

@@ -174,27 +174,8 @@ pub trait Intersect: Send + Sync {
     /// Answers the rays of a slice, of which the first has the index `first`; without `accept`, every hit is accepted.
     ///
     /// Provided: one ray after another. A BVH that prepares several rays at once replaces it.
-    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
-        with_stack(self.stack_len(), |stack| {
-            for (i, ray) in rays.iter().enumerate() {
-                answers.fill(i, |answer| {
-                    let Some(scaled) = ScaledRay::new(ray) else { return };
-                    let mut filter;
-                    let query: &mut dyn Query = match accept {
-                        None => &mut (),
-                        Some(accept) => {
-                            filter = Accept(|hit: &Hit| accept(first + i, ray, hit));
-                            &mut filter
-                        }
-                    };
-                    match answer {
-                        Answer::Closest(hit) => *hit = self.closest_hit_scaled(&scaled, query, stack),
-                        Answer::Occluded(occluded) => *occluded = self.occluded_scaled(&scaled, query, stack),
-                        Answer::All(hits) => self.all_hits_scaled(&scaled, query, stack, hits),
-                    }
-                });
-            }
-        });
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
+        answer_one_by_one(self, rays, first, accept, answers);
     }
 
     /// The hit of least `t`; ties go to the lowest (instance, primitive).
@@ -316,6 +297,37 @@ pub trait Intersect: Send + Sync {
         lists.clear(rays.len());
         self.answer(rays, 0, None, Answers::Lists(lists));
     }
+}
+
+/// What [`Intersect::answer`] does where it is not replaced.
+#[doc(hidden)]
+pub fn answer_one_by_one<B: Intersect + ?Sized>(
+    bvh: &B,
+    rays: &[Ray],
+    first: usize,
+    accept: Option<&AcceptAt>,
+    mut answers: Answers,
+) {
+    with_stack(bvh.stack_len(), |stack| {
+        for (i, ray) in rays.iter().enumerate() {
+            answers.fill(i, |answer| {
+                let Some(scaled) = ScaledRay::new(ray) else { return };
+                let mut filter;
+                let query: &mut dyn Query = match accept {
+                    None => &mut (),
+                    Some(accept) => {
+                        filter = Accept(|hit: &Hit| accept(first + i, ray, hit));
+                        &mut filter
+                    }
+                };
+                match answer {
+                    Answer::Closest(hit) => *hit = bvh.closest_hit_scaled(&scaled, query, stack),
+                    Answer::Occluded(occluded) => *occluded = bvh.occluded_scaled(&scaled, query, stack),
+                    Answer::All(hits) => bvh.all_hits_scaled(&scaled, query, stack, hits),
+                }
+            });
+        }
+    });
 }
 
 fn check<T>(rays: &[Ray], answers: &[T]) {

@@ -86,7 +86,9 @@ pub use bezier_patch::{BezierPatch, PatchPoint};
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle, closest_to_zero};
 pub use convex::{Convex, InvertedBox};
 pub use hit::{Hit, HitLists, InstanceId, Side};
-pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles, alternate_sides};
+pub use intersect::{
+    AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles, alternate_sides, answer_one_by_one,
+};
 pub use leaf::{LeafTriangles, Leaves};
 pub use levels::{BoxBvh, SaveBlas};
 #[doc(hidden)]

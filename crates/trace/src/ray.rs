@@ -98,10 +98,12 @@ impl ScaledRay {
     #[inline(always)]
     #[must_use]
     pub fn new(ray: &Ray) -> Option<Self> {
-        let [x, y, z] = ray.direction.map(f32::abs);
+        // Component by component: `map` and `all` may be calls that pass arrays in memory.
+        let ([dx, dy, dz], [ox, oy, oz]) = (ray.direction, ray.origin);
+        let [x, y, z] = [dx.abs(), dy.abs(), dz.abs()];
         let greatest = greatest([x, y, z]);
         let finite = (x + y + z).is_finite() || (x.is_finite() && y.is_finite() && z.is_finite());
-        let origin_finite = ray.origin.iter().all(|o| o.is_finite());
+        let origin_finite = ox.is_finite() & oy.is_finite() & oz.is_finite();
         // Negated to reject a NaN in the interval too.
         let has_interval = ray.t_min >= 0.0 && ray.t_min <= ray.t_max && ray.t_min <= f32::MAX;
         if !(greatest > 0.0 && finite && origin_finite && has_interval && ray.mask != 0) {
@@ -118,7 +120,8 @@ impl ScaledRay {
         let from_scaled = reciprocal_of_power(to_scaled);
         let t_min = magnitude_up(f64::from(t_min) * to_scaled);
         let t_max = magnitude_down(f64::from(t_max) * to_scaled);
-        let direction = direction.map(|d| (f64::from(d) * from_scaled) as f32);
+        let scaled = |d: f32| (f64::from(d) * from_scaled) as f32;
+        let direction = [scaled(dx), scaled(dy), scaled(dz)];
         // No f32 lies between both ends where they underflow.
         (t_min <= t_max).then_some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled })
     }
@@ -140,10 +143,12 @@ impl ScaledRay {
     }
 
     /// Both ends of the caller's interval, scaled, without rounding.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn exact_interval(&self) -> [f64; 2] {
-        self.interval.map(|t| f64::from(t) * self.to_scaled)
+        // Not by `map`, which may be a call that writes both to memory.
+        let [start, end] = self.interval;
+        [f64::from(start) * self.to_scaled, f64::from(end) * self.to_scaled]
     }
 
     /// The scaled `t` of a `t` of the original ray.

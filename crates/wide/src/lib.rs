@@ -127,4 +127,6 @@ pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeBox, NodeKind};
 pub use query::{CrossingParts, MovingBvh, Order, TraversalCounts};
 pub use simd::SimdPath;
 pub use subtree::{NodeLanes, Subtree};
+#[doc(hidden)]
+pub use traverse::{Prepared, PreparedRays};
 pub use update::{Refit, RefitError};

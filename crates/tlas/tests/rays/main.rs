@@ -6,3 +6,4 @@ mod distant;
 mod kinds;
 mod local;
 mod oracle;
+mod slices;

@@ -53,11 +53,11 @@ pub struct Shear {
 
 impl Shear {
     /// The shear of `ray`.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
         let axis = Axis::from_greatest(ray.direction, f32::abs);
-        let [d_x, d_y, d_z] = axis.indices().map(|k| ray.direction[k]);
+        let [d_x, d_y, d_z] = axis.permute_by_bits(ray.direction);
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
@@ -103,7 +103,8 @@ impl Kernel for Watertight {
     // Always inlined, so that it is compiled with the instruction set of the SIMD path.
     #[inline(always)]
     fn intersect(shear: &Shear, ray: &ScaledRay, vertices: &Self::Record, t_max: f32) -> Option<TriangleHit> {
-        let sheared = vertices.map(|v| shear.vertex(ray, v));
+        let [a, b, c] = *vertices;
+        let sheared = [shear.vertex(ray, a), shear.vertex(ray, b), shear.vertex(ray, c)];
         if mixed(edge_functions(sheared)) {
             return None;
         }
@@ -118,7 +119,8 @@ impl Watertight {
     #[inline(always)]
     #[must_use]
     pub fn intersect_sheared(ray: &ScaledRay, d_z: f32, sheared: [[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
-        let (t, u, v, side) = solve(sheared.map(to_f64), f64::from(d_z))?;
+        let [a, b, c] = sheared;
+        let (t, u, v, side) = solve([to_f64(a), to_f64(b), to_f64(c)], f64::from(d_z))?;
         (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }
 }
@@ -166,7 +168,7 @@ pub enum Axis {
 
 impl Axis {
     /// The axis of the greatest absolute component, the first of equals. Without branches, as for [`Axis::indices`].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn from_greatest<T: Copy + PartialOrd>([x, y, z]: [T; 3], abs: impl Fn(T) -> T) -> Self {
         let (x, y, z) = (abs(x), abs(y), abs(z));
         const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
@@ -190,6 +192,19 @@ impl Axis {
         INDICES[self as usize]
     }
 
+    /// [`Axis::permute`] of numbers in registers, without a branch: where a vector is indexed it has to be in memory, and what was just written number by
+    /// number is not read as a whole before all of it has arrived.
+    #[doc(hidden)]
+    #[inline(always)]
+    #[must_use]
+    pub fn permute_by_bits(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let mask = |axis: Self| u32::from(self == axis).wrapping_neg();
+        let (is_x, is_y, is_z) = (mask(Self::X), mask(Self::Y), mask(Self::Z));
+        let [x, y, z] = [x.to_bits(), y.to_bits(), z.to_bits()];
+        let pick = |of_x: u32, of_y: u32, of_z: u32| f32::from_bits(of_x & is_x | of_y & is_y | of_z & is_z);
+        [pick(y, z, x), pick(z, x, y), pick(x, y, z)]
+    }
+
     /// The components permuted cyclically so that this axis is last.
     #[inline]
     #[must_use]
@@ -198,6 +213,23 @@ impl Axis {
             Self::X => [y, z, x],
             Self::Y => [z, x, y],
             Self::Z => [x, y, z],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_permute_alike_by_bits_and_by_index() {
+        for v in [[1.0, -2.0, 3.5], [-0.0, f32::MIN_POSITIVE, f32::MAX], [1e-45, f32::INFINITY, 0.0]] {
+            for axis in [Axis::X, Axis::Y, Axis::Z] {
+                let [x, y, z] = axis.indices();
+                let want = [v[x], v[y], v[z]].map(f32::to_bits);
+                assert_eq!(axis.permute_by_bits(v).map(f32::to_bits), want, "{axis:?}");
+                assert_eq!(axis.permute(v).map(f32::to_bits), want, "{axis:?}");
+            }
         }
     }
 }

@@ -56,7 +56,7 @@ impl<T: Pod> Records<T> {
 impl<T: Pod> Deref for Records<T> {
     type Target = [T];
 
-    #[inline]
+    #[inline(always)]
     fn deref(&self) -> &[T] {
         match &self.0 {
             Memory::Heap(records) => records,

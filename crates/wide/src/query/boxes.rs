@@ -3,14 +3,16 @@
 use std::ops::ControlFlow;
 
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Ray, ScaledRay, with_stack};
+use canted_trace::{Ray, ReferencePoint, ScaledRay, with_stack};
 
 use super::sink::Visits;
 use crate::bvh::WideBvh;
 use crate::leaf::{Primitive, Shapes};
 use crate::node::{NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
-use crate::traverse::{LeafRange, Pads, RayLanes, RayLine, RayNumbers, TracedRay, Visitor, numbers, walk};
+use crate::traverse::{
+    LeafRange, MeshFrame, Pads, PreparedRays, RayLanes, RayLine, RayNumbers, TracedRay, Visitor, numbers, walk,
+};
 
 /// In which order a traversal visits what a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +91,80 @@ impl WideBvh<Aabb> {
         visit: &mut dyn FnMut(PrimId, f32) -> f32,
     ) -> u32 {
         self.path.run(TraverseBoxes { bvh: self, ray, error, order, stack, visit }).n_boxes()
+    }
+}
+
+impl WideBvh<Aabb> {
+    /// Prepares up to eight rays for [`WideBvh::traverse_prepared`], as [`WideBvh::traverse_scaled`] would prepare each from its origin relative to
+    /// `reference`, for hits within `error` times the greatest coordinate of that origin. `false` where the boxes have a reference point or a frame of
+    /// their own: rays then have to be traced one by one.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn prepare_rays(
+        &self,
+        rays: &[Ray],
+        reference: ReferencePoint,
+        error: f64,
+        prepared: &mut PreparedRays,
+    ) -> bool {
+        if !(self.frame.reference.is_origin() && self.frame.is_identity && error <= GREATEST_ERROR) {
+            return false;
+        }
+        let frame = MeshFrame { reference, ..self.frame };
+        self.path.run(PrepareRays { rays, frame: &frame, pads: Pads::of_origin(error), prepared });
+        true
+    }
+
+    /// [`WideBvh::traverse_scaled`] of ray `i` of those prepared, up to `t_max`.
+    #[doc(hidden)]
+    #[inline]
+    pub fn traverse_prepared(
+        &self,
+        (prepared, i, t_max): (&PreparedRays, usize, f32),
+        order: Order,
+        stack: &mut [u64],
+        visit: &mut dyn FnMut(PrimId, f32) -> f32,
+    ) -> u32 {
+        self.path.run(TraversePrepared { bvh: self, prepared, i, t_max, order, stack, visit }).n_boxes()
+    }
+}
+
+/// Greatest relative error of rays that are prepared together: its products with origins are finite.
+const GREATEST_ERROR: f64 = (1_u64 << 32) as f64;
+
+struct PrepareRays<'a> {
+    rays: &'a [Ray],
+    frame: &'a MeshFrame,
+    pads: Pads,
+    prepared: &'a mut PreparedRays,
+}
+
+impl Task for PrepareRays<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        self.prepared.prepare(simd, self.rays, self.frame, self.pads);
+    }
+}
+
+struct TraversePrepared<'a> {
+    bvh: &'a WideBvh<Aabb>,
+    prepared: &'a PreparedRays,
+    i: usize,
+    t_max: f32,
+    order: Order,
+    stack: &'a mut [u64],
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+}
+
+impl Task for TraversePrepared<'_> {
+    type Output = Visits;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Visits {
+        let Self { bvh, prepared, i, t_max, order, stack, visit } = self;
+        visit_leaves(simd, (&bvh.nodes, &bvh.leaves.order), (&prepared.numbers(i), t_max), order, stack, visit)
     }
 }
 
@@ -267,5 +343,91 @@ impl<S: Simd, P: Primitive> Visitor for NearLeaves<'_, S, P> {
     #[inline(always)]
     fn node(&mut self, kind: NodeKind) {
         self.visits.node(kind);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_obb::vector::{sub, to_f64};
+
+    use super::*;
+    use crate::SimdPath;
+
+    /// Rays, each with a box that it misses by at most `error` times its origin, and the scaled `t` at which it passes the box; boxes and origins are
+    /// relative to `reference`.
+    fn passing(rng: &mut SplitMix64, error: f64, reference: ReferencePoint) -> (Vec<Ray>, Vec<Aabb>, Vec<f32>) {
+        let (mut rays, mut boxes, mut ends) = (vec![], vec![], vec![]);
+        while rays.len() < 8 {
+            let far = [3.0, 300.0, 1e5][rng.below(3)];
+            let at = to_f64(reference.point());
+            let (from, to) = (rng.signed3().map(|x| far * x), rng.signed3());
+            let origin = [0, 1, 2].map(|k| (at[k] + from[k]) as f32);
+            let start = sub(to_f64(origin), at);
+            let scaled = ScaledRay::new(&Ray::new(origin, sub(to, start).map(|x| x as f32))).expect("a direction");
+            let greatest = |v: [f64; 3]| v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            let end = (greatest(sub(to, start)) / greatest(to_f64(scaled.direction))) as f32;
+            let touch = |k: usize| start[k] + f64::from(end) * f64::from(scaled.direction[k]);
+            // From a corner next to the ray outward.
+            let mut aabb = Aabb::EMPTY;
+            for k in 0..3 {
+                let sign = if rng.below(2) == 0 { -1.0 } else { 1.0 };
+                let corner = touch(k) + sign * 0.999 * error * greatest(start);
+                let (near, other) = (corner as f32, (corner + sign * (0.2 + rng.unit())) as f32);
+                (aabb.min[k], aabb.max[k]) = (near.min(other), near.max(other));
+            }
+            // Rounding has not moved the corner too far away.
+            let gap = |k: usize| {
+                let x = touch(k);
+                (f64::from(aabb.min[k]) - x).max(x - f64::from(aabb.max[k]))
+            };
+            if (0..3).all(|k| gap(k) <= error * greatest(start)) {
+                let Ray { origin, .. } = Ray::new(origin, scaled.direction);
+                rays.push(Ray::new(origin, scaled.direction));
+                boxes.push(aabb);
+                ends.push(end);
+            }
+        }
+        (rays, boxes, ends)
+    }
+
+    /// How many boxes are not entered by rays that are prepared with this error.
+    fn lost(bvh: &WideBvh<Aabb>, rays: &[Ray], ends: &[f32], reference: ReferencePoint, error: f64) -> usize {
+        let mut eight = PreparedRays::default();
+        assert!(bvh.prepare_rays(rays, reference, error, &mut eight));
+        let mut stack = vec![0; bvh.nodes.stack_len()];
+        (0..rays.len())
+            .filter(|&i| {
+                let mut is_entered = false;
+                let mut visit = |id: PrimId, t_max| {
+                    is_entered |= id.index() == i;
+                    t_max
+                };
+                bvh.traverse_prepared((&eight, i, ends[i]), Order::Any, &mut stack, &mut visit);
+                !is_entered
+            })
+            .count()
+    }
+
+    #[test]
+    fn rays_that_are_prepared_together_enter_what_they_may_hit() {
+        let mut rng = SplitMix64::new(7);
+        let far = ReferencePoint::new([1e6, -3e6, 20.0]).expect("a small point");
+        let (mut n_tests, mut n_lost_without) = (0, 0);
+        for round in 0..400 {
+            let error = [1e-6, 3e-5, 0.01][round % 3];
+            let reference = [ReferencePoint::ORIGIN, far][round / 3 % 2];
+            let (rays, boxes, ends) = passing(&mut rng, error, reference);
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let bvh = WideBvh::over(boxes.clone()).expect("finite boxes").with_path(path);
+                if !bvh.frame.reference.is_origin() {
+                    continue;
+                }
+                n_tests += rays.len();
+                assert_eq!(lost(&bvh, &rays, &ends, reference, error), 0, "round {round}, {path:?}");
+                n_lost_without += lost(&bvh, &rays, &ends, reference, 0.0);
+            }
+        }
+        assert!(n_tests > 2000 && n_lost_without > 100, "{n_lost_without} of {n_tests} lost without the error");
     }
 }

@@ -34,10 +34,10 @@ impl<S: Simd> RayTriangles<S> {
     pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
         let shear = Shear::new(ray);
         let rows = shear.axis().indices();
-        let direction = rows.map(|k| ray.direction[k]);
+        let direction = shear.axis().permute_by_bits(ray.direction);
         let [s_x, s_y] = shear.factors();
         Self {
-            origin: splat3(simd, rows.map(|k| ray.origin[k])),
+            origin: splat3(simd, shear.axis().permute_by_bits(ray.origin)),
             shear: [simd.splat(s_x), simd.splat(s_y)],
             recip_z: simd.splat(1.0 / direction[2]),
             zero: simd.splat(0.0),
@@ -118,7 +118,8 @@ impl<'a> Block<'a> {
     /// Vertices of a triangle, as they are stored ([`canted_obb::flat_as_edge`] of those given).
     #[inline(always)]
     pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
-        std::array::from_fn(|vertex| std::array::from_fn(|axis| self.value(3 * vertex + axis, lane)))
+        let vertex = |row: usize| [self.value(row, lane), self.value(row + 1, lane), self.value(row + 2, lane)];
+        [vertex(0), vertex(3), vertex(6)]
     }
 
     /// Id of a triangle.

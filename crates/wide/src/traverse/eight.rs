@@ -42,17 +42,29 @@ impl EightRays {
     /// Prepares the first eight of `rays`, in the memory of earlier ones: copies would take as long as a node.
     #[inline(always)]
     pub(crate) fn prepare<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
+        self.prepare_in_range(simd, rays, frame, pads);
+        if self.beyond != 0 {
+            self.set_beyond(rays, frame, pads);
+        }
+    }
+
+    /// [`EightRays::prepare`] without the rays beyond the range of the lanes.
+    #[inline(always)]
+    fn prepare_in_range<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
         let (mut rows, mut seeing) = ([[0.0; 8]; 8], 0);
-        for (i, (row, ray)) in rows.iter_mut().zip(rays).enumerate() {
-            let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
-            *row = [ox, oy, oz, dx, dy, dz, ray.t_min, ray.t_max];
+        if let Some([a, b, c, d, e, f, g, h]) = rays.first_chunk() {
+            // Without a loop: compilers gather the numbers of a loop one by one, which takes as long as a node.
+            rows = [row(a), row(b), row(c), row(d), row(e), row(f), row(g), row(h)];
+        } else {
+            for (row_of, ray) in rows.iter_mut().zip(rays) {
+                *row_of = row(ray);
+            }
+        }
+        for (i, ray) in rays.iter().take(8).enumerate() {
             seeing |= u32::from(ray.mask != 0) << i;
         }
         self.set_rows(simd, &rows, frame, pads);
         self.valid &= seeing;
-        if self.beyond != 0 {
-            self.set_beyond(rays, frame, pads);
-        }
     }
 
     /// Prepares the rays beyond the range of the lanes, one by one.
@@ -161,8 +173,20 @@ impl EightRays {
         if self.valid >> i & 1 == 0 {
             return None;
         }
+        let numbers = self.numbers(i);
+        let [x, y, z] = &self.origin;
+        let (origin, direction) = ([x[i], y[i], z[i]], numbers.direction);
+        let scaled = Ray { origin, direction, t_min: numbers.t_min, t_max: self.t_max[i], ..*given };
+        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], self.to_scaled[i]);
+        Some(TracedRay { scaled, numbers })
+    }
+
+    /// What nodes need of ray `i`, one of the first eight.
+    #[inline(always)]
+    fn numbers(&self, i: usize) -> RayNumbers<f32> {
+        let i = i & 7;
         let RayNumbers { recip, near, far, t_min, origin, direction, pad_oriented } = &self.numbers;
-        let numbers = RayNumbers {
+        RayNumbers {
             recip: [recip[0][i], recip[1][i], recip[2][i]],
             near: [near[0][i], near[1][i], near[2][i]],
             far: [far[0][i], far[1][i], far[2][i]],
@@ -170,12 +194,63 @@ impl EightRays {
             origin: [origin[0][i], origin[1][i], origin[2][i]],
             direction: [direction[0][i], direction[1][i], direction[2][i]],
             pad_oriented: pad_oriented[i],
-        };
-        let [x, y, z] = &self.origin;
-        let (origin, direction) = ([x[i], y[i], z[i]], numbers.direction);
-        let scaled = Ray { origin, direction, t_min: t_min[i], t_max: self.t_max[i], ..*given };
-        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], self.to_scaled[i]);
-        Some(TracedRay { scaled, numbers })
+        }
+    }
+}
+
+/// Up to eight rays, prepared for a level of boxes above other structures: see `WideBvh::prepare_rays`.
+#[doc(hidden)]
+pub struct PreparedRays(EightRays);
+
+/// What is known of a ray that was prepared with others.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug)]
+pub enum Prepared {
+    /// It hits nothing.
+    Misses,
+    /// It is beyond the range in which rays are prepared together.
+    Alone,
+    /// The ray, and the end of its interval rounded outward.
+    Ray(ScaledRay, f32),
+}
+
+impl Default for PreparedRays {
+    fn default() -> Self {
+        Self(EightRays::new())
+    }
+}
+
+impl PreparedRays {
+    /// Prepares the first eight of `rays`.
+    #[inline(always)]
+    pub(crate) fn prepare<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
+        self.0.prepare_in_range(simd, rays, frame, pads);
+    }
+
+    /// Ray `i`, one of the first eight, which is `given`.
+    #[inline]
+    #[must_use]
+    pub fn ray(&self, i: usize, given: &Ray) -> Prepared {
+        let i = i & 7;
+        let EightRays { valid, beyond, to_scaled, t_max, numbers, .. } = &self.0;
+        if beyond >> i & 1 == 1 {
+            return Prepared::Alone;
+        }
+        if valid >> i & 1 == 0 {
+            return Prepared::Misses;
+        }
+        let direction = [numbers.direction[0][i], numbers.direction[1][i], numbers.direction[2][i]];
+        let t_max = t_max[i];
+        let scaled = Ray { direction, t_min: numbers.t_min[i], t_max, ..*given };
+        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], to_scaled[i]);
+        // The ends are exact, but for one that overflowed.
+        Prepared::Ray(scaled, if t_max == f32::MAX { f32::INFINITY } else { t_max })
+    }
+
+    /// What nodes need of ray `i`.
+    #[inline(always)]
+    pub(crate) fn numbers(&self, i: usize) -> RayNumbers<f32> {
+        self.0.numbers(i)
     }
 }
 
@@ -211,6 +286,12 @@ impl Task for EachOfEight<'_> {
             }
         }
     }
+}
+
+/// The numbers of a ray that are prepared together.
+#[inline(always)]
+fn row(&Ray { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max, .. }: &Ray) -> [f32; 8] {
+    [ox, oy, oz, dx, dy, dz, t_min, t_max]
 }
 
 /// Lanes in which the product of an end of an interval with a power of two is exact: it is normal, or the end is zero or

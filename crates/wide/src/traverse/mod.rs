@@ -58,7 +58,8 @@
 //! the point at `t` enters.
 //!
 //! *Absolute errors.* A caller's `error` in units of the space ([`Pads::within`]) is carried by the ray; the boxes' part, for an
-//! ERROR of at least 0, covers the roundings relative to ρ∞.
+//! ERROR of at least 0, covers the roundings relative to ρ∞. Where it is a multiple of `|o|∞`, its sum with the ray's part is one relative pad
+//! ([`Pads::of_origin`]).
 //!
 //! Underflow loses a few 2^-149 in position; the smallest normal number is added to every pad of a ray. Coordinates up to
 //! 2^62, reference points up to 2^60 and reciprocals up to 2^64 keep every number finite: moved coordinates stay below 1.25·2^62, their
@@ -73,6 +74,7 @@ mod walk;
 
 pub(crate) use block::{Block, RayTriangles, SHRINK};
 pub(crate) use eight::{EightRays, for_each_of_eight};
+pub use eight::{Prepared, PreparedRays};
 pub(crate) use hulls::{RayLine, numbers};
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
 pub(crate) use walk::LeafRange;

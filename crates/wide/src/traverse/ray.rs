@@ -32,6 +32,20 @@ impl Pads {
         Self { aligned: pad(self.aligned), rotated: pad(self.rotated), oriented: pad(self.oriented) }
     }
 
+    /// Relative pads for hits that lie within `error·|o|∞` of what the boxes bound, with the origin relative to the reference point: those of
+    /// [`Pads::within`] over `|o|∞`.
+    ///
+    /// The pad is `c·S` with `S = (1 + error)·|o|∞` for the roundings and `error·|o|∞` for the hit. This sum and its product with `|o|∞` have
+    /// fewer than eight roundings of the part of the error; those of the other part are what pads have to spare.
+    pub(crate) fn of_origin(error: f64) -> Self {
+        let Self { aligned, rotated, oriented } = const { Self::of(0.0) };
+        let pad = |roundings: f32, stretch: f32| {
+            let (roundings, stretch) = (f64::from(roundings), f64::from(stretch));
+            ((roundings * (1.0 + error) + stretch * error) * (1.0 + 8.0 * f64::from(U))) as f32
+        };
+        Self { aligned: pad(aligned, 1.0), rotated: pad(rotated, SQRT_3), oriented: pad(oriented, SQRT_3) }
+    }
+
     /// The ray's part of the pads, in units of the space, for hits within `error` of what the boxes bound, in those units; its origin is
     /// relative to the reference point.
     ///
