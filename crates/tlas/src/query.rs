@@ -184,14 +184,14 @@ impl<B: Intersect> Tlas<B> {
         // With its scaled `t`, which is exact.
         let mut best: Option<(f64, Hit)> = None;
         let n_boxes = traverse(&mut |instance, t_max| {
-            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
+            let Some((blas, placement)) = self.seen(instance, ray) else { return t_max };
             let limit = best.map_or(ray.t_max, |(t, _)| t);
             let found = match self.motion(instance) {
                 None => {
-                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: limit };
+                    let ray = PlacedRay { world: ray, map: &placement.map, t_max: limit };
                     blas.closest_hit_placed(&ray, instance, query, bottom)
                 }
-                Some(motion) => motion.ray_object(&ray, limit).and_then(|object| {
+                Some(motion) => motion.ray_object(ray, limit).and_then(|object| {
                     object.closest_hit(query, instance, |ray, query| blas.closest_hit_scaled(ray, query, bottom))
                 }),
             };
@@ -218,13 +218,13 @@ impl<B: Intersect> Tlas<B> {
     ) -> bool {
         let mut found = false;
         let n_boxes = traverse(&mut |instance, t_max| {
-            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
+            let Some((blas, placement)) = self.seen(instance, ray) else { return t_max };
             found = match self.motion(instance) {
                 None => {
-                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: ray.t_max };
+                    let ray = PlacedRay { world: ray, map: &placement.map, t_max: ray.t_max };
                     blas.occluded_placed(&ray, instance, query, bottom)
                 }
-                Some(motion) => motion.ray_object(&ray, ray.t_max).is_some_and(|object| {
+                Some(motion) => motion.ray_object(ray, ray.t_max).is_some_and(|object| {
                     object.occluded(query, instance, |ray, query| blas.occluded_scaled(ray, query, bottom))
                 }),
             };
