@@ -1,5 +1,7 @@
 //! An open device.
 
+#[cfg(not(target_family = "wasm"))]
+use std::panic::resume_unwind;
 use std::{
     collections::HashMap,
     path::Path,
@@ -240,18 +242,41 @@ impl Gpu {
     /// The kernel is invalid or exceeds the limits of the device.
     pub fn kernel(&self, name: ShaderName, chosen: &Variant) -> Result<Arc<Kernel>, GpuError> {
         let key = format!("{name} {chosen:?}");
-        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = kernels.get(&key) {
+        let kernels = || self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = kernels().get(&key) {
             return Ok(kernel.clone());
         }
         self.check()?;
         let is_checked = self.is_checked.load(Ordering::Relaxed);
         let cache = self.pipeline_cache();
         let make = || Kernel::new(&self.device, &self.limits, name, chosen, is_checked, cache);
+        // Not while others wait for the lock, so that several threads compile at the same time.
         let kernel = Arc::new(self.guarded(make)??);
         self.check()?;
-        kernels.insert(key, kernel.clone());
-        Ok(kernel)
+        Ok(kernels().entry(key).or_insert(kernel).clone())
+    }
+
+    /// Compiles several kernels at the same time, each on a thread of its own; in browsers one after another.
+    ///
+    /// # Errors
+    /// As for [`Gpu::kernel`].
+    #[cfg(not(target_family = "wasm"))]
+    pub fn kernels(&self, wanted: &[(ShaderName, Variant)]) -> Result<Vec<Arc<Kernel>>, GpuError> {
+        std::thread::scope(|scope| {
+            let compile = |(name, chosen): &'_ (ShaderName, Variant)| self.kernel(*name, chosen);
+            let threads: Vec<_> = wanted.iter().map(|wanted| scope.spawn(move || compile(wanted))).collect();
+            let done = threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
+            done.collect()
+        })
+    }
+
+    /// Compiles several kernels.
+    ///
+    /// # Errors
+    /// As for [`Gpu::kernel`].
+    #[cfg(target_family = "wasm")]
+    pub fn kernels(&self, wanted: &[(ShaderName, Variant)]) -> Result<Vec<Arc<Kernel>>, GpuError> {
+        wanted.iter().map(|(name, chosen)| self.kernel(*name, chosen)).collect()
     }
 
     /// Returns the first error that the device reported since the last call.

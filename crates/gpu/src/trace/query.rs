@@ -69,28 +69,37 @@ impl TracedScene {
         Ok(answers)
     }
 
-    /// The kernels of a query, of all rays of a buffer or of a list of them.
+    /// The kernels of a query, of all rays of a buffer or of a list of them, compiled at the same time.
     pub(super) fn kernels(&self, gpu: &Gpu, names: &Names, each: choice::Each) -> Result<Kernels, GpuError> {
-        let exact = |each| gpu.kernel(names.exact, &self.specialize(exact_parts()).with(each));
-        Ok(match self.certain_kernels(gpu, names, each, None)? {
-            // No kernel repeats the arithmetic of the CPU for segments.
+        let exact = |each| (names.exact, self.specialize(exact_parts()).with(each));
+        Ok(match self.certain_variants(gpu, names, each, None)? {
+            // No kernel repeats the arithmetic of the CPU for curves.
             None if self.has_curves() => Kernels::Host,
-            Some(certain) if self.has_curves() => Kernels::CertainFirst { certain, listed: None },
-            None => Kernels::Exact(exact(each)?),
-            Some(certain) => Kernels::CertainFirst { certain, listed: Some(exact(choice::Each::Listed)?) },
+            Some(certain) if self.has_curves() => {
+                Kernels::CertainFirst { certain: gpu.kernels(&certain)?, listed: None }
+            }
+            None => {
+                let (name, chosen) = exact(each);
+                Kernels::Exact(gpu.kernel(name, &chosen)?)
+            }
+            Some(mut wanted) => {
+                wanted.push(exact(choice::Each::Listed));
+                let mut certain = gpu.kernels(&wanted)?;
+                Kernels::CertainFirst { listed: certain.pop(), certain }
+            }
         })
     }
 
     /// The kernels that decide what is certain; `None` where exact ones must trace all rays: of binary BVHs, and where the device binds too few
-    /// buffers for a list beside those of the scene.
-    fn certain_kernels(
+    /// buffers for lists beside those of the scene.
+    fn certain_variants(
         &self,
         gpu: &Gpu,
         names: &Names,
         each: choice::Each,
         bound_scale: Option<f64>,
-    ) -> Result<Option<Vec<Arc<Kernel>>>, GpuError> {
-        if gpu.limits().max_storage_buffers_per_shader_stage < self.n_query_buffers() {
+    ) -> Result<Option<Vec<(ShaderName, Variant)>>, GpuError> {
+        if gpu.limits().max_storage_buffers_per_shader_stage < self.n_query_buffers(each) {
             return Ok(None);
         }
         let chosen = Variant::none().with(choice::Count::None).with(each);
@@ -100,7 +109,7 @@ impl TracedScene {
         };
         let of = |&name: &ShaderName| {
             let variant = self.specialize_certain(name, chosen.clone())?;
-            variant.map(|variant| gpu.kernel(name, &variant)).transpose()
+            Ok(variant.map(|variant| (name, variant)))
         };
         names.certain.iter().map(of).collect()
     }
@@ -252,8 +261,9 @@ impl TracedScene {
         rays: &[DeviceRay],
         bound_scale: f64,
     ) -> Result<Vec<Outcome<DeviceHit>>, GpuError> {
-        let kernels = self.certain_kernels(gpu, &CLOSEST, choice::Each::All, Some(bound_scale))?;
+        let kernels = self.certain_variants(gpu, &CLOSEST, choice::Each::All, Some(bound_scale))?;
         let certain = kernels.ok_or_else(|| GpuError::Input { message: "exact kernels trace all rays".to_owned() })?;
+        let certain = gpu.kernels(&certain)?;
         let rays_there = gpu.buffer("rays", rays)?;
         let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
         let mut commands = gpu.commands();

@@ -257,10 +257,10 @@ impl TracedScene {
         Ok(Some(self.specialize(chosen).with(decide).with(weights).of_kernel(kernel)?))
     }
 
-    /// Storage buffers of the kernels of a query: those of the scene, rays, answers, and the list of undecided rays.
-    pub(super) fn n_query_buffers(&self) -> u32 {
+    /// Storage buffers of the kernels of a query: those of the scene, rays, answers, the list of undecided rays, and that of the rays to trace.
+    pub(super) fn n_query_buffers(&self, each: choice::Each) -> u32 {
         const NODES_TRIANGLES: u32 = 2;
-        NODES_TRIANGLES + self.tables.bindings().len() as u32 + 3
+        NODES_TRIANGLES + self.tables.bindings().len() as u32 + 3 + u32::from(each == choice::Each::Listed)
     }
 
     /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave

@@ -54,10 +54,16 @@ pub(super) struct SampleDispatcher<'a, R> {
 }
 
 impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
-    pub(super) fn new(gpu: &'a Gpu, traced: &TracedScene, kernels: RenderKernels) -> Result<Self, GpuError> {
+    /// For `n_groups` work-groups in all, in as many dispatches as it takes.
+    pub(super) fn new(
+        gpu: &'a Gpu,
+        traced: &TracedScene,
+        kernels: RenderKernels,
+        n_groups: u32,
+    ) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, block: 1 };
         let slice = gpu.uniform("slice", &slice)?;
-        let kernels = ReadyKernels::new(gpu, traced, kernels, MAX)?;
+        let kernels = ReadyKernels::new(gpu, traced, kernels, MAX.min(n_groups.max(1)))?;
         let n = kernels.max_groups;
         let records = gpu.zeroed(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
         let n_samples = n as usize * CELL_PIXELS;

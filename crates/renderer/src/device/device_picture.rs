@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use canted_film::{Aov, Film, Filter, Tile};
+use canted_film::{Aov, CELL, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, Variant, choice, wgsl};
 use canted_scene::{Camera, Lobes, Scene};
 
@@ -61,14 +61,31 @@ fn changes_albedo(lobes: &Lobes) -> bool {
     *specular_color != [1.0; 3] || specular_color_texture.is_some() || specular_texture.is_some() || *iridescence > 0.0
 }
 
-/// Most listed lights of the hybrid integrator as streams: each takes a round of its own at every vertex.
-const MOST_STREAMED_LIGHTS: usize = 16;
+/// Most rounds of streams: rounds in which no sample is left cost dispatches, too.
+const MOST_ROUNDS: u32 = 64;
+
+/// How often the samples of a picture are shaded as streams.
+fn n_rounds(scene: &Scene, settings: &Settings) -> u32 {
+    // A ray from the camera, one from each vertex, and one that finds no further vertex.
+    let n_rays = settings.bounces.saturating_add(2);
+    match settings.integrator {
+        Integrator::Path => n_rays,
+        // Each listed light takes a round, and the onward ray goes with the last.
+        Integrator::Hybrid => n_rays.saturating_mul(u32::try_from(scene.lights.len().max(1)).unwrap_or(u32::MAX)),
+    }
+}
 
 /// Whether the rays of a picture can be traced as streams, as far as scene and settings say.
 fn can_stream(scene: &Scene, settings: &Settings) -> bool {
-    let has_few_lights = settings.integrator == Integrator::Path || scene.lights.len() <= MOST_STREAMED_LIGHTS;
     let keeps_parts = settings.aovs.has_components() || settings.aovs.has_factors();
-    has_few_lights && !keeps_parts
+    n_rounds(scene, settings) <= MOST_ROUNDS && !keeps_parts
+}
+
+/// Work-groups that take all samples of a picture.
+fn n_groups(settings: &Settings) -> u32 {
+    let [columns, rows] = [settings.width, settings.height].map(|pixels| pixels.div_ceil(CELL));
+    let samples = settings.range();
+    columns.saturating_mul(rows).saturating_mul(samples.end.saturating_sub(samples.start))
 }
 
 /// The kernels of a picture as streams; `chosen` has the choices of its kernel for whole samples.
@@ -79,20 +96,13 @@ fn streams(
     (packed, traced): (&PackedScene, &TracedScene),
     settings: &Settings,
 ) -> Result<LightKernels, GpuError> {
-    // A ray from the camera, one from each vertex, and one that finds no further vertex.
-    let n_rays = settings.bounces.saturating_add(2);
-    let (integrator, n_rounds) = match settings.integrator {
-        Integrator::Path => (choice::Integrator::Path, n_rays),
-        // Each light takes a round, and the onward ray goes with the last.
-        Integrator::Hybrid => (choice::Integrator::Hybrid, n_rays.saturating_mul(scene.lights.len().max(1) as u32)),
+    let integrator = match settings.integrator {
+        Integrator::Path => choice::Integrator::Path,
+        Integrator::Hybrid => choice::Integrator::Hybrid,
     };
-    Ok(LightKernels::Streams(StreamKernels::new(
-        gpu,
-        chosen,
-        integrator,
-        packed.masked(traced.has_masked()),
-        n_rounds,
-    )?))
+    let masked = packed.masked(traced.has_masked());
+    let n_rounds = n_rounds(scene, settings);
+    Ok(LightKernels::Streams(StreamKernels::new(gpu, traced, chosen, (integrator, masked), n_rounds)?))
 }
 
 impl<'a> DevicePicture<'a> {
@@ -239,7 +249,7 @@ impl<'a> DevicePicture<'a> {
     /// The same picture with its rays traced as streams or within one kernel, whatever is usual on the device, to compare both.
     ///
     /// # Errors
-    /// Streams of a picture that has none: of scenes with curves, of `hybrid` with many lights, and with parts of the light; a limit of the device.
+    /// Streams of a picture that has none: of scenes with curves, of many bounces or lights, and with parts of the light; a limit of the device.
     #[doc(hidden)]
     pub fn with_streams(self, are_wanted: bool) -> Result<Self, DeviceError> {
         if are_wanted && !self.can_stream {
@@ -342,7 +352,7 @@ impl<'a> DevicePicture<'a> {
     ) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
-            dispatcher: SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone())?,
+            dispatcher: SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone(), n_groups(settings))?,
             bindings: self.bindings(),
             settings,
             weight: &weight,

@@ -199,7 +199,7 @@ impl DevicePicture<'_> {
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
-        let mut dispatcher = SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone())?;
+        let mut dispatcher = SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone(), n)?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();

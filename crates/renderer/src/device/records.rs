@@ -103,8 +103,8 @@ impl ReadyKernels {
             LightKernels::Whole(kernel) => (ReadyLight::Whole(kernel), max),
             LightKernels::Streams(kernels) => {
                 let max = max.min(StreamKernels::max_groups(gpu));
-                let streams = Streams::new(gpu, traced, kernels, max as usize * CELL_PIXELS)?;
-                (ReadyLight::Streams(Box::new(streams)), max)
+                let (streams, n) = Streams::new(gpu, traced, &kernels, max as usize * CELL_PIXELS)?;
+                (ReadyLight::Streams(Box::new(streams)), (n / CELL_PIXELS) as u32)
             }
         };
         Ok(Self { light, guide, max_groups, has_components, has_first_light })

@@ -23,6 +23,9 @@ pub(super) const STATE_WORDS: usize = 52;
 const MAX_SAMPLES: usize = 1 << 20;
 const MAX_SAMPLES_SOFTWARE: usize = 1 << 16;
 
+/// Samples in flight with which a device still makes progress, in whole work-groups.
+const FEW_SAMPLES: usize = 64 * CELL_PIXELS;
+
 /// Compiled kernels between the queries.
 #[derive(Clone)]
 pub(super) struct StreamKernels {
@@ -68,27 +71,37 @@ impl StreamKernels {
     /// Kernels of an integrator for samples that need so many rounds; `chosen` has the choices of its kernel for whole samples.
     pub(super) fn new(
         gpu: &Gpu,
+        traced: &TracedScene,
         chosen: &Variant,
-        integrator: choice::Integrator,
-        masked: Masked,
+        (integrator, masked): (choice::Integrator, Masked),
         n_rounds: u32,
     ) -> Result<Self, GpuError> {
+        use wgsl::render::stream;
         let chosen = chosen.clone().with(integrator);
-        let kernel = |name| gpu.kernel(name, &chosen.of_kernel(name)?);
-        Ok(Self {
-            start: kernel(wgsl::render::stream::START)?,
-            shade: kernel(wgsl::render::stream::SHADE)?,
-            finish: kernel(wgsl::render::stream::FINISH)?,
-            masked: match masked {
-                Masked::None => None,
-                Masked::Some | Masked::All => Some([
-                    kernel(wgsl::render::stream::masked::CLOSEST)?,
-                    kernel(wgsl::render::stream::masked::OCCLUDED)?,
-                ]),
-            },
+        let mut names = vec![stream::START, stream::SHADE, stream::FINISH];
+        if masked != Masked::None {
+            names.extend([stream::masked::CLOSEST, stream::masked::OCCLUDED]);
+        }
+        let wanted = names.into_iter().map(|name| Ok((name, chosen.of_kernel(name)?)));
+        let compiled = gpu.kernels(&wanted.collect::<Result<Vec<_>, GpuError>>()?)?;
+        let [start, shade, finish, own @ ..] = &compiled[..] else { unreachable!("a kernel for each name") };
+        let own = match own {
+            [closest, occluded] => Some([closest.clone(), occluded.clone()]),
+            _ => None,
+        };
+        let kernels = Self {
+            start: start.clone(),
+            shade: shade.clone(),
+            finish: finish.clone(),
+            masked: own,
             are_all_masked: masked == Masked::All,
             n_rounds,
-        })
+        };
+        if kernels.has_queries() {
+            // Compiles them now, not while the picture is timed.
+            traced.stream_queries(gpu, 0, kernels.masked.clone())?;
+        }
+        Ok(kernels)
     }
 
     pub(super) fn all(&self) -> impl Iterator<Item = &Arc<Kernel>> {
@@ -109,8 +122,22 @@ impl StreamKernels {
 }
 
 impl Streams {
-    /// Streams of `n` samples.
-    pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
+    /// Streams of at most `n` samples, or fewer where the device has no memory for those; also returns how many.
+    pub(super) fn new(
+        gpu: &Gpu,
+        traced: &TracedScene,
+        kernels: &StreamKernels,
+        n: usize,
+    ) -> Result<(Self, usize), GpuError> {
+        match Self::of(gpu, traced, kernels.clone(), n) {
+            Err(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) if n > FEW_SAMPLES => {
+                Self::new(gpu, traced, kernels, (n / 4).max(FEW_SAMPLES))
+            }
+            streams => Ok((streams?, n)),
+        }
+    }
+
+    fn of(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
         let list = || RayList::new(gpu, n);
         Ok(Self {
             queries: match kernels.has_queries() {
