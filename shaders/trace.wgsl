@@ -17,6 +17,9 @@ fn main(id: Invocation) {
         return;
     }
     let index = ray_index(entry);
+    if index >= arrayLength(&rays) {
+        return;
+    }
     var hit = closest_hit(rays[index]);
     if is_incomplete {
         hit.instance = INCOMPLETE;
@@ -41,6 +44,9 @@ fn main(id: Invocation) {
         return;
     }
     let index = ray_index(entry);
+    if index >= arrayLength(&rays) {
+        return;
+    }
     let is_hit = occluded(rays[index]);
     found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
 }
@@ -62,6 +68,9 @@ fn main(id: Invocation) {
         return;
     }
     let index = ray_index(entry);
+    if index >= arrayLength(&rays) {
+        return;
+    }
     let is_certain = is_certain_hit(rays[index], false);
     let is_hit = is_certain && best_number != NONE;
     hits[index] = Found(best_at, 0u, 0u, best_number, select(NONE, best_instance, is_hit));
@@ -88,7 +97,7 @@ fn main(id: Invocation) {
         return;
     }
     let index = ray_index(entry);
-    if hits[index].instance == NONE {
+    if index >= arrayLength(&rays) || hits[index].instance == NONE {
         return;
     }
     let found = hits[index];
@@ -116,6 +125,9 @@ fn main(id: Invocation) {
         return;
     }
     let index = ray_index(entry);
+    if index >= arrayLength(&rays) {
+        return;
+    }
     let is_certain = is_certain_hit(rays[index], true);
     found[index] = u32(best_number != NONE);
     if !is_certain {
@@ -149,8 +161,9 @@ struct Listed {
 
 @group(1) @binding(15) var<storage, read> listed: Listed;
 
+/// A list is as long as its memory, whatever wrote it.
 fn n_rays() -> u32 {
-    return listed.n;
+    return min(listed.n, arrayLength(&listed.indices));
 }
 
 /// The ray of an entry.

@@ -1,7 +1,7 @@
 // Traversal of wide BVHs, in one level or two, that decides by f32 alone, and says which rays it cannot decide.
 //
 // An answer is final where no rounding can change it: then it is the CPU's hit. The other rays are undecided, and the exact kernels
-// (`trace/listed_closest`, `trace/listed_occluded`) trace them again. So this loop needs neither exact edge tests nor emulated arithmetic.
+// (`trace/closest`, `trace/occluded`, of listed rays) trace them again. So this loop needs neither exact edge tests nor emulated arithmetic.
 //
 // # Order
 // The host and build/wide/children store the children of a node by octants: child `i` lies toward the corner of the node whose coordinates

@@ -264,7 +264,7 @@ fn polar(curve: Curve, x: f32, y: f32, z: f32) -> vec4<f32> {
     return mix(mix(ab, bc, vec4<f32>(y)), mix(bc, cd, vec4<f32>(y)), vec4<f32>(z));
 }
 
-fn turned(a: vec2<f32>, b: vec2<f32>) -> f32 {
+fn cross_2d(a: vec2<f32>, b: vec2<f32>) -> f32 {
     return a.x * b.y - a.y * b.x;
 }
 
@@ -300,8 +300,8 @@ fn part_of_curve(curve: Curve, from_u: f32, to_u: f32, g: f32) -> CurvePart {
     }
     let direction = part.chord * reciprocal(part.chord_length);
     // The inner two Bernstein polynomials have a sum of at most 3/4.
-    let offset = turned(direction, part.a.xy);
-    let bulges = vec2<f32>(turned(direction, part.b.xy) - offset, turned(direction, part.c.xy) - offset);
+    let offset = cross_2d(direction, part.a.xy);
+    let bulges = vec2<f32>(cross_2d(direction, part.b.xy) - offset, cross_2d(direction, part.c.xy) - offset);
     let low = offset + 0.75 * min(min(bulges.x, bulges.y), 0.0);
     let high = offset + 0.75 * max(max(bulges.x, bulges.y), 0.0);
     let at = vec4<f32>(dot_across(direction, part.a.xy), dot_across(direction, part.b.xy), dot_across(direction, part.c.xy), dot_across(direction, part.d.xy));
@@ -600,7 +600,7 @@ fn add_ribbon_hit(event: ptr<function, CurveEvent>, span: vec2<f32>, start: f32,
 /// Position across a ribbon, from 0 to 1.
 fn across_ribbon(ball: vec4<f32>, tangent: vec2<f32>) -> f32 {
     let breadth = ball.w * length(tangent);
-    return clamp(0.5 + 0.5 * (turned(ball.xy, tangent) * reciprocal(breadth)), 0.0, 1.0);
+    return clamp(0.5 + 0.5 * (cross_2d(ball.xy, tangent) * reciprocal(breadth)), 0.0, 1.0);
 }
 
 /// The minimum of the distance in a single part of a ribbon, at a parameter of the part, if it is a hit.

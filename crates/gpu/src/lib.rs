@@ -83,7 +83,8 @@
 //! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of a program, rebuilt and refitted in its command encoder |
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of the program |
 //! | [`DeviceBvh`] | which BVH: eight-wide or binary, and its boxes |
-//! | [`TracedScene`], [`Source`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
+//! | [`TracedScene`], [`Source`], [`HostBvh`], [`Options`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
+//! | [`StreamQueries`], [`RayList`] | queries of rays that kernels wrote |
 //! | [`TracedScene::download`], [`DownloadedBvh`] | a BVH of the device as one of the CPU, checked |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
@@ -119,7 +120,7 @@
 //! |---|---|---|
 //! | 0 `nodes` | always | nodes of all BVHs, see below |
 //! | 1 `corners` | binary BVHs | nine coordinates per triangle, in the order of the meshes |
-//! | 1 `leaf_triangles` | wide BVHs | three rows for each triangle, in the order of leaves: a vertex in each, and its number in the last word of the first; or for each round segment: an end in two rows, the radii in the third; of other curves the third ends with the place of their control balls, from which on `shared/curve` documents them |
+//! | 1 `leaf_triangles` | wide BVHs | three rows for each triangle, in the order of leaves: a vertex in each, its number in the last word of the first, and whether it is [masked](Options::masked) in that of the second; or for each round segment: an end in two rows, the radii in the third; of other curves the third ends with the place of their control balls, from which on `shared/curve` documents them |
 //! | 2 `bvhs` | always | a `Bvh` for each BVH, that of the top level first; in an [`InstancedScene`] the last is empty, for instances that are not placed |
 //! | 3 `instances` | two levels | an `Instance` for each |
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |

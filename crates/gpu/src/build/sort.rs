@@ -12,7 +12,7 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 /// Invocations per work-group.
 pub(super) const GROUP: u32 = 64;
 
-/// Keys per invocation. A tile has GROUP times as many: enough for runs of whole cache lines for each value of a digit.
+/// Keys per invocation. A tile has GROUP times as many.
 pub(super) const KEYS_EACH: u32 = 16;
 
 /// Bits per digit: few digits, so few dispatches. A tile is sorted four bits at a time, whose counters fit in the memory of a work-group on any device.
@@ -138,7 +138,8 @@ impl<'a> Sorter<'a> {
     ) -> Result<(), GpuError> {
         let n_tiles = order.n.div_ceil(GROUP * KEYS_EACH);
         let is_scanned = n_tiles > FEW_TILES;
-        for shift in (0..bits).step_by(DIGIT_BITS as usize) {
+        // At least one digit, which writes the items.
+        for shift in (0..bits.max(1)).step_by(DIGIT_BITS as usize) {
             let digit = Digit { n_keys: order.n, n_tiles, shift, is_scanned: is_scanned.into() };
             let digit = self.gpu.uniform("digit", &digit)?;
             let [keys_in, keys_out] = &order.keys;

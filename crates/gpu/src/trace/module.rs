@@ -82,8 +82,8 @@ impl TracedScene {
     /// kernel includes the module of one scene, or those of several with different prefixes.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with round
-    /// segments.
+    /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with
+    /// curves.
     pub fn module<'a>(&self, options: impl Into<ModuleOptions<'a>>) -> Result<String, GpuError> {
         if self.has_curves() {
             return Err(GpuError::Unsupported { what: "curves in a kernel of a program's own".to_owned() });

@@ -20,7 +20,7 @@ use crate::{Buffer, Commands, Gpu, GpuError, Kernel};
 pub enum Outcome<T> {
     /// The ray was traced.
     Complete(T),
-    /// Traversal stopped at the iteration limit, or met a round segment that single precision does not decide; trace the ray on the CPU.
+    /// Traversal stopped at the iteration limit, or met a curve that single precision does not decide; trace the ray on the CPU.
     Incomplete,
 }
 
@@ -69,7 +69,8 @@ impl TracedScene {
         Ok(answers)
     }
 
-    /// The kernels of a query, of all rays of a buffer or of a list of them, compiled at the same time.
+    /// The kernels of a query, of all rays of a buffer or of a list of them, compiled at the same time. Those of a list leave [masked](crate::Options::masked)
+    /// triangles to the exact one.
     pub(super) fn kernels(&self, gpu: &Gpu, names: &Names, each: choice::Each) -> Result<Kernels, GpuError> {
         let exact = |each| (names.exact, self.specialize(exact_parts()).with(each));
         Ok(match self.certain_variants(gpu, names, each, None)? {
@@ -90,6 +91,12 @@ impl TracedScene {
         })
     }
 
+    /// Whether single precision decides most rays of a list, and exact kernels the others.
+    #[must_use]
+    pub fn decides_by_f32(&self, gpu: &Gpu) -> bool {
+        matches!(self.certain_variants(gpu, &CLOSEST, choice::Each::Listed, None), Ok(Some(_)))
+    }
+
     /// The kernels that decide what is certain; `None` where exact ones must trace all rays: of binary BVHs, and where the device binds too few
     /// buffers for lists beside those of the scene.
     fn certain_variants(
@@ -108,7 +115,7 @@ impl TracedScene {
             None => chosen,
         };
         let of = |&name: &ShaderName| {
-            let variant = self.specialize_certain(name, chosen.clone())?;
+            let variant = self.specialize_certain(name, chosen.clone(), each == choice::Each::Listed)?;
             Ok(variant.map(|variant| (name, variant)))
         };
         names.certain.iter().map(of).collect()
@@ -133,15 +140,17 @@ impl TracedScene {
         while !waiting.is_empty() {
             let (slice, rest) = waiting.split_at(n.min(waiting.len()));
             let scaled: Vec<Option<ScaledRay>> = slice.iter().map(ScaledRay::new).collect();
-            let device_rays: Vec<DeviceRay> =
-                scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
+            // Rays of the device are at shutter opening.
+            let is_later: Vec<bool> = slice.iter().map(|ray| self.has_moving_curves() && ray.time > 0.0).collect();
+            let of_device = |(ray, is_later): (&Option<ScaledRay>, &bool)| {
+                ray.as_ref().filter(|_| !is_later).map_or(DeviceRay::NOTHING, DeviceRay::scaled)
+            };
+            let device_rays: Vec<DeviceRay> = scaled.iter().zip(&is_later).map(of_device).collect();
             let start = Instant::now();
             let mut answers = self.slice(gpu, kernels, (into, incomplete), &device_rays).await?;
-            if self.has_moving_curves() {
-                // Rays of the device are at shutter opening.
-                let later = slice.iter().zip(&mut answers).filter(|(ray, _)| ray.time > 0.0);
-                later.for_each(|(_, answer)| *answer = incomplete);
-            }
+            let later = is_later.iter().zip(&mut answers).filter(|(is_later, _)| **is_later);
+            let n_later = later.map(|(_, answer)| *answer = incomplete).count();
+            self.n_exact_rays.fetch_add(n_later as u64, Ordering::Relaxed);
             take(&scaled, answers);
             n = next_size(n, start.elapsed()).min(most);
             waiting = rest;

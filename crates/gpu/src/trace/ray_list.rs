@@ -8,6 +8,9 @@ use crate::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 /// Words before the list: the work-groups of an indirect dispatch, and the number of the listed ones.
 const HEAD: usize = 4;
 
+/// Rays of a dispatch with work-groups of 64 in one row.
+const MOST: usize = 65_535 * 64;
+
 /// A list of indices that kernels write, in the layout of `shared/undecided`, and that sizes a dispatch.
 pub struct RayList {
     words: Buffer<u32>,
@@ -17,9 +20,19 @@ impl RayList {
     /// An empty list with room for `n`.
     ///
     /// # Errors
-    /// A limit of the device.
+    /// More than the work-groups of a dispatch take, 4,194,240, or another limit of the device.
     pub fn new(gpu: &Gpu, n: usize) -> Result<Self, GpuError> {
+        if n > MOST {
+            let what = format!("a list of {n} rays");
+            let (limit, remedy) = ("rays in a dispatch", "trace them in parts");
+            return Err(GpuError::Limit { what, need: n as u64, limit, most: MOST as u64, remedy });
+        }
         Ok(Self { words: gpu.indirect("list of rays", HEAD + n)? })
+    }
+
+    /// How many rays it has room for.
+    pub(super) fn capacity(&self) -> usize {
+        self.words.len() - HEAD
     }
 
     /// Empties the list before what is recorded next.

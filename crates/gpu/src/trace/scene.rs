@@ -79,6 +79,9 @@ impl TracedScene {
         match &source {
             Source::Wide(bvh) => Self::uploaded(gpu, &[*bvh], masked, levels).await,
             Source::Tlas { bvhs, .. } => Self::uploaded(gpu, bvhs, masked, levels).await,
+            Source::Build { .. } if !masked.is_empty() => {
+                Err(GpuError::Input { message: "masked triangles of BVHs that the device builds".to_owned() })
+            }
             Source::Build { meshes, bvh, .. } => Self::built(gpu, meshes, *bvh, levels).await,
         }
     }
@@ -224,7 +227,7 @@ impl TracedScene {
         self.has_masked
     }
 
-    /// Whether the scene has round segments.
+    /// Whether the scene has curves.
     #[must_use]
     pub fn has_curves(&self) -> bool {
         self.nodes.curves() != CurveKinds::None
@@ -243,12 +246,17 @@ impl TracedScene {
         self.nodes.specialize(chosen).number(Number::StackSize, stack_size(self.depth))
     }
 
-    /// `chosen` for a kernel of `shared/certain`; `None` for binary BVHs, which need exact kernels for all rays.
-    pub(super) fn specialize_certain(&self, kernel: ShaderName, chosen: Variant) -> Result<Option<Variant>, GpuError> {
+    /// `chosen` for a kernel of `shared/certain`; `None` for binary BVHs, which need exact kernels for all rays. `leaves_masked`: whether masked triangles are left to exact kernels; if not, their hits count.
+    pub(super) fn specialize_certain(
+        &self,
+        kernel: ShaderName,
+        chosen: Variant,
+        leaves_masked: bool,
+    ) -> Result<Option<Variant>, GpuError> {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
-        let (decide, weights) = match (self.nodes.curves(), self.has_masked) {
+        let (decide, weights) = match (self.nodes.curves(), leaves_masked && self.has_masked) {
             (CurveKinds::None, false) => (choice::Decide::Triangles, choice::Weights::Triangles),
             (CurveKinds::None, true) => (choice::Decide::Masked, choice::Weights::Triangles),
             (CurveKinds::Segments, _) => (choice::Decide::Curves, choice::Weights::Curves),
@@ -264,8 +272,8 @@ impl TracedScene {
     }
 
     /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave
-    /// undecided, or all of them where the BVHs are binary, or where the device binds too few buffers for instances that move. In a scene with round
-    /// segments the CPU is to trace these.
+    /// undecided, or all of them where the BVHs are binary, or where the device binds too few buffers for instances that move. In a scene with
+    /// curves the CPU is to trace these.
     #[must_use]
     pub fn n_exact_rays(&self) -> u64 {
         self.n_exact_rays.load(Ordering::Relaxed)

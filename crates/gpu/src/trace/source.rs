@@ -104,21 +104,21 @@ impl<'a> HostBvh<'a> {
         let n = bvh.triangles.len();
         if n > MOST_TRIANGLES {
             return Err(GpuError::Unsupported {
-                what: format!("a wide BVH with {n} {what} in its leaves, more than 2^26"),
+                what: format!("a wide BVH whose leaves take {n} records for {what}, more than 2^26"),
             });
         }
         Ok(bvh)
     }
 }
 
-/// What a [`TracedScene`](crate::TracedScene) is told besides its [`Source`].
+/// Options of a [`TracedScene`](crate::TracedScene).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
     /// In one level: the first triangle of each instance that the triangles belong to, in order. Empty: they belong to one instance.
     pub parts: &'a [u32],
     /// Of each BVH that the CPU built, by number: whether a hit of the triangle counts only where a kernel of the caller says so, e.g. by the alpha of a texture.
-    /// The caller's kernels then trace the rays that may hit such a triangle first ([`TracedScene::stream_queries`](crate::TracedScene::stream_queries)). A
-    /// BVH without an entry has none.
+    /// The caller's kernels then trace the rays that may hit such a triangle first ([`TracedScene::stream_queries`](crate::TracedScene::stream_queries)); in
+    /// batches all hits count. A BVH without an entry has none.
     pub masked: &'a [Vec<bool>],
 }
 

@@ -11,7 +11,7 @@ use super::scene::TracedScene;
 use crate::commands::AsBinding;
 use crate::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
-/// Most queries whose exact rays are counted; those of later ones are counted with the last.
+/// Most queries whose exact rays are counted; those of further ones are not.
 const MAX_COUNTED: usize = 256;
 
 /// Compiled queries of the rays of a list.
@@ -98,6 +98,14 @@ impl StreamQueries {
         list: &RayList,
         own: [NamedBinding<'_>; 2],
     ) -> Result<(), GpuError> {
+        let [(_, rays), (_, answers)] = own;
+        let room = |binding: &dyn AsBinding, size: usize| binding.n_bytes() / size as u64;
+        let size_of_answer = if is_closest { size_of::<DeviceHit>() } else { size_of::<u32>() };
+        let n_rays = room(rays, size_of::<DeviceRay>());
+        if room(answers, size_of_answer) < n_rays || self.undecided.capacity() < list.capacity() {
+            let message = format!("answers or lists of a query have no room for those of {n_rays} rays");
+            return Err(GpuError::Input { message });
+        }
         let bound = [bound, &own, &[("undecided", &self.undecided as &dyn AsBinding)]].concat();
         let of_list = [&bound[..], &[("listed", list as &dyn AsBinding)]].concat();
         let of_undecided = [&bound[..], &[("listed", &self.undecided as &dyn AsBinding)]].concat();
@@ -113,20 +121,21 @@ impl StreamQueries {
                 if let Some(listed) = listed {
                     self.undecided.dispatch(commands, listed, &of_undecided)?;
                 }
-                let number = self.n_counted.min(MAX_COUNTED - 1);
-                self.undecided.copy_count(commands, &self.counts, number as u32);
-                self.n_counted += 1;
+                if self.n_counted < MAX_COUNTED {
+                    self.undecided.copy_count(commands, &self.counts, self.n_counted as u32);
+                    self.n_counted += 1;
+                }
             }
         }
         Ok(())
     }
 
-    /// How many rays exact kernels traced since the last call, of commands that were submitted; of those beyond 256 queries, some.
+    /// How many rays exact kernels traced since the last call, of commands that were submitted; of the first 256 queries.
     ///
     /// # Errors
     /// The device is lost or does not finish.
     pub async fn take_exact_count(&mut self, gpu: &Gpu) -> Result<u64, GpuError> {
-        let n = std::mem::take(&mut self.n_counted).min(MAX_COUNTED);
+        let n = std::mem::take(&mut self.n_counted);
         Ok(gpu.read_first(&self.counts, n).await?.into_iter().map(u64::from).sum())
     }
 }

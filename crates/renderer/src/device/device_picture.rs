@@ -246,7 +246,7 @@ impl<'a> DevicePicture<'a> {
         Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }
     }
 
-    /// The same picture with its rays traced as streams or within one kernel, whatever is usual on the device, to compare both.
+    /// The same picture with its rays traced as streams or within one kernel, to compare both.
     ///
     /// # Errors
     /// Streams of a picture that has none: of scenes with curves, of many bounces or lights, and with parts of the light; a limit of the device.
@@ -271,7 +271,9 @@ impl<'a> DevicePicture<'a> {
     #[must_use]
     pub fn n_exact_rays(&self) -> Option<u64> {
         match &self.kernels.light {
-            LightKernels::Streams(kernels) if kernels.has_queries() => Some(self.n_exact_rays.load(Ordering::Relaxed)),
+            LightKernels::Streams(kernels) if kernels.has_queries() && self.traced.decides_by_f32(self.gpu) => {
+                Some(self.n_exact_rays.load(Ordering::Relaxed))
+            }
             _ => None,
         }
     }

@@ -107,14 +107,16 @@ fn uploaded(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh, kind: Kind<'_>) -> Result<
 
 /// The triangles of a mesh at which alpha decides whether a hit counts; empty where there are none.
 fn masked_of_mesh(scene: &Scene, mesh: &Mesh) -> Vec<bool> {
-    let uses_alpha = |part: &Part| scene.materials[part.material.0 as usize].uses_alpha();
+    let uses_alpha = |part: &Part| scene.materials.get(part.material.0 as usize).is_some_and(Material::uses_alpha);
     if !mesh.parts.iter().any(uses_alpha) {
         return vec![];
     }
     let mut masked = vec![false; mesh.triangles.len()];
     for part in &mesh.parts {
         // Later parts overwrite what is behind their first triangle.
-        masked[part.first_triangle as usize..].fill(uses_alpha(part));
+        if let Some(from) = masked.get_mut(part.first_triangle as usize..) {
+            from.fill(uses_alpha(part));
+        }
     }
     masked
 }
