@@ -75,10 +75,10 @@ fn n_rounds(scene: &Scene, settings: &Settings) -> u32 {
     }
 }
 
-/// Whether the rays of a picture can be traced as streams, as far as scene and settings say.
-fn can_stream(scene: &Scene, settings: &Settings) -> bool {
+/// Whether the rays of a picture can be traced as streams, as far as device, scene and settings say.
+fn can_stream(gpu: &Gpu, scene: &Scene, settings: &Settings) -> bool {
     let keeps_parts = settings.aovs.has_components() || settings.aovs.has_factors();
-    n_rounds(scene, settings) <= MOST_ROUNDS && !keeps_parts
+    n_rounds(scene, settings) <= MOST_ROUNDS && !keeps_parts && StreamKernels::max_groups(gpu) > 0
 }
 
 /// Work-groups that take all samples of a picture.
@@ -214,7 +214,7 @@ impl<'a> DevicePicture<'a> {
             Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
-        let can_stream = can_stream(scene, settings) && !traced.has_curves();
+        let can_stream = can_stream(gpu, scene, settings) && !traced.has_curves();
         let light = match can_stream.then(|| streams(gpu, &chosen, scene, (&packed, &traced), settings)) {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
