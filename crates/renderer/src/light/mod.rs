@@ -25,9 +25,9 @@ mod sun;
 pub(crate) mod tree;
 pub(crate) mod triangle;
 
+#[cfg(feature = "gpu")]
 use bytemuck::{Pod, Zeroable};
 use canted_film::srgb::luminance;
-#[cfg(feature = "gpu")]
 use canted_obb::PrimId;
 use canted_scene::{Environment, Instance, Light, Material, Part, Scene};
 use canted_trace::{Hit, InstanceId, Intersect, Query, Ray};
