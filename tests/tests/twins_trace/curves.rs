@@ -10,7 +10,7 @@ use canted_trace::{Intersect, Ray, RibbonCubic, RibbonSegment, RoundCubic, Round
 use canted_wide::{Config, Moving, TriangleBvh, WideBvh};
 
 use super::gpu;
-use super::segments::{CLOUDS, Tally, plus, unit, vector};
+use super::segments::{CLOUDS, Tally, across, aside, plus, unit, vector};
 use super::setup::build;
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -110,22 +110,7 @@ fn rays(rng: &mut SplitMix64, strands: &[Strand], n: usize, scale: f32) -> Vec<R
         let axis = [0, 1, 2].map(|k| ahead[k] - center[k]);
         let mut origin = plus(center, scale * [0.5, 3.0, 100.0][i % 3], vector(rng));
         let towards = [0, 1, 2].map(|k| center[k] - origin[k]);
-        let mut across = [
-            towards[1] * axis[2] - towards[2] * axis[1],
-            towards[2] * axis[0] - towards[0] * axis[2],
-            towards[0] * axis[1] - towards[1] * axis[0],
-        ];
-        let length = across.iter().map(|x| x * x).sum::<f32>().sqrt();
-        if length > 0.0 {
-            across = across.map(|x| x / length);
-        }
-        let aside = match i / 3 % 6 {
-            0 => radius * unit(rng),
-            1 => radius * (1.0 + 1e-3 * unit(rng)),
-            2 => radius * (1.0 + 3e-6 * unit(rng)) + 1e-6 * scale * unit(rng),
-            3 => 1.5 * radius * unit(rng),
-            _ => 0.0,
-        };
+        let (across, aside) = (across(towards, axis), aside(rng, i, radius, scale));
         let mut target = plus(center, aside, across);
         match i / 18 % 7 {
             0 => {

@@ -60,6 +60,28 @@ fn segments(rng: &mut SplitMix64, n: usize, scale: f32, offset: [f32; 3]) -> Vec
     (0..n).map(one).collect()
 }
 
+/// The unit vector across an axis and a ray, along which the silhouette is; zero where they are parallel.
+pub(super) fn across(towards: [f32; 3], axis: [f32; 3]) -> [f32; 3] {
+    let across = [
+        towards[1] * axis[2] - towards[2] * axis[1],
+        towards[2] * axis[0] - towards[0] * axis[2],
+        towards[0] * axis[1] - towards[1] * axis[0],
+    ];
+    let length = across.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if length > 0.0 { across.map(|x| x / length) } else { across }
+}
+
+/// How far from the axis ray `i` is aimed: anywhere inside, at the silhouette, within roundings of it, around it, or not at all.
+pub(super) fn aside(rng: &mut SplitMix64, i: usize, radius: f32, scale: f32) -> f32 {
+    match i / 3 % 6 {
+        0 => radius * unit(rng),
+        1 => radius * (1.0 + 1e-3 * unit(rng)),
+        2 => radius * (1.0 + 3e-6 * unit(rng)) + 1e-6 * scale * unit(rng),
+        3 => 1.5 * radius * unit(rng),
+        _ => 0.0,
+    }
+}
+
 /// Rays at the silhouettes of segments, at random points in and near them, along them, from inside, and with ends at hits.
 fn rays(rng: &mut SplitMix64, segments: &[RoundSegment], n: usize, scale: f32) -> Vec<Ray> {
     let one = |i: usize| {
@@ -71,23 +93,7 @@ fn rays(rng: &mut SplitMix64, segments: &[RoundSegment], n: usize, scale: f32) -
         let radius = segment.radii[0] + s * (segment.radii[1] - segment.radii[0]);
         let mut origin = plus(on_axis, scale * [0.5, 3.0, 100.0][i % 3], vector(rng));
         let towards = [0, 1, 2].map(|k| on_axis[k] - origin[k]);
-        // A direction across axis and ray, along which the silhouette is.
-        let mut across = [
-            towards[1] * axis[2] - towards[2] * axis[1],
-            towards[2] * axis[0] - towards[0] * axis[2],
-            towards[0] * axis[1] - towards[1] * axis[0],
-        ];
-        let length = across.iter().map(|x| x * x).sum::<f32>().sqrt();
-        if length > 0.0 {
-            across = across.map(|x| x / length);
-        }
-        let aside = match i / 3 % 6 {
-            0 => radius * unit(rng),
-            1 => radius * (1.0 + 1e-3 * unit(rng)),
-            2 => radius * (1.0 + 3e-6 * unit(rng)) + 1e-6 * scale * unit(rng),
-            3 => 1.5 * radius * unit(rng),
-            _ => 0.0,
-        };
+        let (across, aside) = (across(towards, axis), aside(rng, i, radius, scale));
         let mut target = plus(on_axis, aside, across);
         match i / 18 % 6 {
             // Along the axis.
