@@ -66,18 +66,33 @@ impl Slabs {
     /// Each row must have a length of at most 1 + 4u, as a unit vector has after rounding.
     #[must_use]
     pub fn from_points(rows: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Self {
-        let wide_rows = rows.map(to_f64);
+        let [u, v, w] = rows.map(to_f64);
         let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
         for point in points {
             let point = to_f64(point);
-            for k in 0..3 {
-                let projection = dot(wide_rows[k], point);
-                let error = POINT_ERROR * dot_abs(wide_rows[k], point);
-                lo[k] = lo[k].min(projection - error);
-                hi[k] = hi[k].max(projection + error);
+            for (k, row) in [u, v, w].into_iter().enumerate() {
+                let [least, greatest] = Self::ends(row, point);
+                lo[k] = if least < lo[k] { least } else { lo[k] };
+                hi[k] = if greatest > hi[k] { greatest } else { hi[k] };
             }
         }
-        if lo[0] > hi[0] {
+        Self::from_ends(rows, lo, hi)
+    }
+
+    /// The ends between which the projection of a point along a row is, both with coordinates of `f32`.
+    #[inline(always)]
+    #[must_use]
+    pub fn ends(row: [f64; 3], point: [f64; 3]) -> [f64; 2] {
+        // Products of two f32 are exact, and so are their absolute values.
+        let [x, y, z] = [row[0] * point[0], row[1] * point[1], row[2] * point[2]];
+        let (projection, error) = ((x + y) + z, POINT_ERROR * ((x.abs() + y.abs()) + z.abs()));
+        [projection - error, projection + error]
+    }
+
+    /// The box between these [`Slabs::ends`], rounded outward; empty where a least one is greater than a greatest one.
+    #[must_use]
+    pub fn from_ends(rows: [[f32; 3]; 3], lo: [f64; 3], hi: [f64; 3]) -> Self {
+        if (0..3).any(|k| lo[k] > hi[k]) {
             return Self::empty(rows);
         }
         Self { rows, lo: lo.map(down), hi: hi.map(up) }

@@ -82,13 +82,11 @@ pub(crate) fn write_boxes(rows: &mut [Row], padded: impl Fn(usize) -> Option<(Aa
 
 /// The same of one slot.
 pub(crate) fn write_box(rows: &mut [Row], i: usize, padded: Option<(Aabb, f64)>) {
-    let (min, max) = match padded {
-        Some((aabb, pad)) => (aabb.min.map(|x| lower(x, pad)), aabb.max.map(|x| -lower(-x, pad))),
-        None => ([NOWHERE; 3], [-NOWHERE; 3]),
-    };
     for (k, planes) in rows.chunks_exact_mut(2).enumerate() {
-        planes[0][i] = min[k];
-        planes[1][i] = max[k];
+        (planes[0][i], planes[1][i]) = match &padded {
+            Some((aabb, pad)) => (lower(aabb.min[k], *pad), -lower(-aabb.max[k], *pad)),
+            None => (NOWHERE, -NOWHERE),
+        };
     }
 }
 

@@ -11,14 +11,14 @@
 
 mod boxes;
 mod leaves;
+mod points;
 mod subtree;
 
 use std::fmt;
 
-use canted_lbvh::{self as lbvh, Corners, GeometryError};
+use canted_lbvh::{self as lbvh, GeometryError};
 use canted_obb::{Aabb, PrimId};
 
-use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
 use crate::bvh::{TriangleBvh, WideBvh};
 use crate::config::{Baseline, RayCost};
@@ -31,7 +31,8 @@ use crate::traverse::{BoxPads, Pads};
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
 pub(crate) use leaves::content_of;
 use leaves::{MovedPrimitives, MovedTriangles};
-use subtree::{After, Before, Shared, State};
+use points::Points;
+use subtree::{After, Before, Kept, Shared, State};
 pub(crate) use subtree::{Sums, half_area, visit};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
@@ -165,12 +166,12 @@ impl TriangleBvh {
         self.frame.reference = reference;
         let pads = BoxPads::new(self.pads(), self.frame.is_identity);
         let bvh = Target { nodes: &mut self.nodes, bounds: &mut self.bounds, baseline: &mut self.baseline, pads };
+        let path = self.path;
         let leaves = MovedTriangles { positions, triangles, frames: [old, self.frame] };
-        let before =
-            |units: &[HalfBlock], first, n, items: Option<&mut Vec<Corners>>| leaves.before(units, first, n, items);
+        let before = |units: &[HalfBlock], first, n, items: Option<&mut Points>| leaves.before(units, first, n, items);
         let after =
-            |units: &mut [HalfBlock], first, n, items: Option<&mut Vec<Corners>>| leaves.after(units, first, n, items);
-        let refit = bvh.update(&mut self.leaves.halves, PARTS, &before, &after);
+            |units: &mut [HalfBlock], first, n, items: Option<&mut Points>| leaves.after(path, units, first, n, items);
+        let refit = bvh.update(&mut self.leaves.halves, PARTS, !self.frame.is_identity, &before, &after);
         self.leaves.vertices_changed();
         Ok(refit)
     }
@@ -207,7 +208,7 @@ impl<P: Primitive> WideBvh<P> {
         let after = |units: &mut [PrimId], first: usize, n, items: Option<&mut Vec<_>>| {
             leaves.leaf(1, &units[first..first + n], items)
         };
-        Ok(bvh.update(&mut self.leaves.order, 1, &before, &after))
+        Ok(bvh.update(&mut self.leaves.order, 1, false, &before, &after))
     }
 }
 
@@ -244,22 +245,24 @@ fn check_vertices(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), 
 }
 
 impl Target<'_> {
-    /// Writes the boxes around what the leaves in `units`, of `n_parts` each, hold after the motion.
-    fn update<I: Item, U: Send>(
+    /// Writes the boxes around what the leaves in `units`, of `n_parts` each, hold after the motion. Keeps items if leaves or oriented nodes
+    /// need them.
+    fn update<K: Kept, U: Send>(
         self,
         units: &mut [U],
         n_parts: usize,
-        before: &Before<I, U>,
-        after: &After<I, U>,
+        keeps_items: bool,
+        before: &Before<K, U>,
+        after: &After<K, U>,
     ) -> Refit {
         let Self { nodes, bounds, baseline, pads } = self;
-        let is_oriented = nodes.has_oriented;
+        let keeps_items = nodes.has_oriented || keeps_items;
         let measures_before = baseline.now.is_none();
         let costs = baseline.costs;
-        let shared = Shared { before, after, pads: &pads, costs: &costs, n_parts, is_oriented, measures_before };
+        let shared = Shared { before, after, pads: &pads, costs: &costs, n_parts, keeps_items, measures_before };
         let (after, before) = subtree::update_all(nodes, units, &shared);
         let visit = subtree::visit(nodes.root, &costs);
-        let sums = |state: Option<&State<I>>| state.map_or_else(Sums::default, |state| state.sums);
+        let sums = |state: Option<&State<K>>| state.map_or_else(Sums::default, |state| state.sums);
         let before = baseline.now.unwrap_or_else(|| predicted(sums(before.as_ref()), visit, bounds));
         let built = *baseline.built.get_or_insert(before);
         *bounds = after.as_ref().map_or(Aabb::EMPTY, |state| state.content.bounds);

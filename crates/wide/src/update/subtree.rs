@@ -7,8 +7,10 @@ use canted_obb::Aabb;
 use canted_trace::Slabs;
 
 use super::boxes::frame_of;
+use super::points::Points;
 use crate::build::item::Item;
 use crate::config::Costs;
+use crate::leaf::{Placed, Primitive};
 use crate::node::{
     CacheLine, ChildWord, Content, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words, write_boxes,
     write_slabs,
@@ -35,6 +37,34 @@ impl Sums {
     }
 }
 
+/// What a refit keeps of all leaves for the oriented boxes above them: primitives, or the vertices of triangles.
+pub(super) trait Kept: Default + Send + Sync {
+    fn n(&self) -> usize;
+
+    /// The box with these rows around a range, whose coordinates are at most `reach`, rounded outward.
+    fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Slabs;
+}
+
+impl Kept for Points {
+    fn n(&self) -> usize {
+        self.len()
+    }
+
+    fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Slabs {
+        self.slabs(range, rows, reach)
+    }
+}
+
+impl<P: Primitive> Kept for Vec<Placed<'_, P>> {
+    fn n(&self) -> usize {
+        self.len()
+    }
+
+    fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], _: f32) -> Slabs {
+        Item::slabs(&self[range], rows)
+    }
+}
+
 /// A leaf as it is, or as it was.
 pub(super) struct LeafState {
     pub(super) content: Content,
@@ -42,33 +72,33 @@ pub(super) struct LeafState {
 }
 
 /// The leaf of `n` items from a part of the units on, before the motion; appends its items, relative to the reference point.
-pub(super) type Before<'a, I, U> = dyn Fn(&[U], usize, usize, Option<&mut Vec<I>>) -> LeafState + Sync + 'a;
+pub(super) type Before<'a, K, U> = dyn Fn(&[U], usize, usize, Option<&mut K>) -> LeafState + Sync + 'a;
 
 /// The same after the motion, which is written.
-pub(super) type After<'a, I, U> = dyn Fn(&mut [U], usize, usize, Option<&mut Vec<I>>) -> LeafState + Sync + 'a;
+pub(super) type After<'a, K, U> = dyn Fn(&mut [U], usize, usize, Option<&mut K>) -> LeafState + Sync + 'a;
 
 /// What all pieces of a refit share.
-pub(super) struct Shared<'a, I, U> {
-    pub(super) before: &'a Before<'a, I, U>,
-    pub(super) after: &'a After<'a, I, U>,
+pub(super) struct Shared<'a, K, U> {
+    pub(super) before: &'a Before<'a, K, U>,
+    pub(super) after: &'a After<'a, K, U>,
     pub(super) pads: &'a BoxPads,
     pub(super) costs: &'a Costs,
     /// Parts of a unit.
     pub(super) n_parts: usize,
-    /// Whether oriented boxes are computed from all items below.
-    pub(super) is_oriented: bool,
+    /// Whether items are kept.
+    pub(super) keeps_items: bool,
     /// Whether the state before the motion is measured, too.
     pub(super) measures_before: bool,
 }
 
 /// A piece before or after the motion.
 #[derive(Debug)]
-pub(super) struct State<I> {
+pub(super) struct State<K> {
     /// Of the whole piece.
     pub(super) content: Content,
     pub(super) sums: Sums,
     /// All items, where oriented boxes need them.
-    pub(super) items: Vec<I>,
+    pub(super) items: K,
 }
 
 /// A child of a node.
@@ -168,12 +198,12 @@ struct Node {
 }
 
 /// Updates a piece that owns `lines` and `units`. Returns its state after the motion, and before it where that is measured.
-fn update<I: Item, U>(
+fn update<K: Kept, U>(
     piece: &SubtreeSlots,
     lines: &mut [CacheLine],
     units: &mut [U],
-    shared: &Shared<I, U>,
-) -> (State<I>, Option<State<I>>) {
+    shared: &Shared<K, U>,
+) -> (State<K>, Option<State<K>>) {
     let nodes = nodes_of(piece, lines);
     let (mut after, mut before) =
         (Side::new(nodes.len(), shared), shared.measures_before.then(|| Side::new(nodes.len(), shared)));
@@ -238,19 +268,19 @@ fn slot_of(line: usize) -> usize {
 }
 
 /// The state of a piece as it grows: all leaves, then nodes, the last one first.
-struct Side<I> {
+struct Side<K> {
     /// Leaves that no node has taken yet.
     leaves: Vec<Child>,
     /// Contents of nodes by number, and their items.
     nodes: Vec<Option<Child>>,
     root: Content,
     sums: Sums,
-    items: Option<Vec<I>>,
+    items: Option<K>,
 }
 
-impl<I: Item> Side<I> {
-    fn new<U>(n_nodes: usize, shared: &Shared<I, U>) -> Self {
-        let items = shared.is_oriented.then(Vec::new);
+impl<K: Kept> Side<K> {
+    fn new<U>(n_nodes: usize, shared: &Shared<K, U>) -> Self {
+        let items = shared.keeps_items.then(K::default);
         Self { leaves: vec![], nodes: vec![None; n_nodes], root: Content::EMPTY, sums: Sums::default(), items }
     }
 
@@ -260,7 +290,7 @@ impl<I: Item> Side<I> {
     }
 
     /// Adds the next leaf in the order of nodes and of their slots.
-    fn add_leaf(&mut self, read: impl FnOnce(Option<&mut Vec<I>>) -> LeafState) {
+    fn add_leaf(&mut self, read: impl FnOnce(Option<&mut K>) -> LeafState) {
         let start = self.n_items();
         let LeafState { content, area } = read(self.items.as_mut());
         self.sums.area += area;
@@ -281,7 +311,7 @@ impl<I: Item> Side<I> {
     }
 
     fn n_items(&self) -> usize {
-        self.items.as_ref().map_or(0, Vec::len)
+        self.items.as_ref().map_or(0, K::n)
     }
 
     /// Adds a node whose children are known; returns their boxes.
@@ -294,8 +324,10 @@ impl<I: Item> Side<I> {
         children: &Children,
         costs: &Costs,
     ) -> [Option<ChildBox>; 8] {
-        let items = self.items.as_deref().unwrap_or_default();
-        let boxes = boxes_of(kind, rows, children, |child, rows| I::slabs(&items[child.below.clone()], rows));
+        let boxes = boxes_of(kind, rows, children, |child, rows| {
+            let items = self.items.as_ref().expect("oriented nodes keep what is below them");
+            items.slabs(child.below.clone(), rows, child.content.reach)
+        });
         add_boxes(&mut self.sums, &boxes, words, costs);
         let all = children.iter().flatten();
         let content = all.clone().fold(Content::EMPTY, |content, child| content.union(child.content));
@@ -307,18 +339,18 @@ impl<I: Item> Side<I> {
         boxes
     }
 
-    fn state(self) -> State<I> {
+    fn state(self) -> State<K> {
         State { content: self.root, sums: self.sums, items: self.items.unwrap_or_default() }
     }
 }
 
 /// Updates all pieces. Returns the state of the whole BVH after the motion, and before it where that is measured; `None` without
 /// primitives.
-pub(super) fn update_all<I: Item, U: Send>(
+pub(super) fn update_all<K: Kept, U: Send>(
     nodes: &mut Nodes,
     units: &mut [U],
-    shared: &Shared<I, U>,
-) -> (Option<State<I>>, Option<State<I>>) {
+    shared: &Shared<K, U>,
+) -> (Option<State<K>>, Option<State<K>>) {
     let pieces = &nodes.pieces[..];
     let (mut lines_left, mut units_left) = (&mut nodes.lines[..], units);
     let (mut subtrees, mut above) = (vec![], vec![]);
@@ -355,15 +387,15 @@ pub(super) fn update_all<I: Item, U: Send>(
 }
 
 /// The states of all pieces; those of nodes above are closed last first.
-struct Sequence<I> {
+struct Sequence<K> {
     /// The piece that starts with a word.
     by_word: HashMap<u32, usize>,
-    states: Vec<Option<State<I>>>,
+    states: Vec<Option<State<K>>>,
     /// Where the subtree of each piece ends.
     ends: Vec<usize>,
 }
 
-impl<I: Item> Sequence<I> {
+impl<K: Kept> Sequence<K> {
     fn new(pieces: &[SubtreeSlots]) -> Self {
         let by_word = pieces.iter().enumerate().map(|(i, piece)| (piece.root.0, i)).collect();
         let states = pieces.iter().map(|_| None).collect();
@@ -386,22 +418,27 @@ impl<I: Item> Sequence<I> {
         });
         let boxes = boxes_of(kind, rows, &children, |child, rows| {
             let known = self.states[child.below.clone()].iter().flatten();
-            joined(rows, par::map(&known.collect::<Vec<_>>(), 1, |state| I::slabs(&state.items, rows)))
+            joined(
+                rows,
+                par::map(&known.collect::<Vec<_>>(), 1, |state| {
+                    state.items.slabs(0..state.items.n(), rows, state.content.reach)
+                }),
+            )
         });
         let mut sums = Sums::default();
         add_boxes(&mut sums, &boxes, words, costs);
         let content = children.iter().flatten().fold(Content::EMPTY, |all, child| all.union(child.content));
         self.ends[i] = children.iter().flatten().map(|child| child.below.end).max().unwrap_or(i + 1);
-        self.states[i] = Some(State { content, sums, items: vec![] });
+        self.states[i] = Some(State { content, sums, items: K::default() });
         (children, boxes)
     }
 
     /// The state of the whole BVH: the first piece holds all others.
-    fn all(self) -> Option<State<I>> {
+    fn all(self) -> Option<State<K>> {
         let content = self.states.first()?.as_ref()?.content;
         let mut sums = Sums::default();
         self.states.iter().flatten().for_each(|state| sums.add(state.sums));
-        Some(State { content, sums, items: vec![] })
+        Some(State { content, sums, items: K::default() })
     }
 }
 

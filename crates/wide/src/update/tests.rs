@@ -118,7 +118,7 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * 1.01)).collect();
     let leaves = MovedTriangles { positions: &moved, triangles: &mesh.triangles, frames: [bvh.frame; 2] };
     for leaf in &hierarchy.leaves {
-        leaves.after(&mut bvh.leaves.halves, leaf.first, leaf.places.len(), None);
+        leaves.after(bvh.path, &mut bvh.leaves.halves, leaf.first, leaf.places.len(), Some(&mut Points::default()));
     }
     assert!(n_too_small(&bvh) > 10);
 }
