@@ -42,7 +42,8 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
     let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared, &camera, &settings)?;
     block_on(bench.gpu.finish())?;
     let upload = start.elapsed().as_secs_f64();
-    let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
+    let cancel = AtomicBool::new(false);
+    let monitor = Monitor::quiet(&cancel);
     let start = Instant::now();
     let n_rays = picture.render(vec![], &monitor)?.n_rays();
     let first = start.elapsed().as_secs_f64();
@@ -93,7 +94,8 @@ pub(super) fn streams(out: &mut String, bench: &Bench) -> Result<()> {
          | scene | integrator | M rays | streams, seconds | one kernel, seconds | streams, M rays/s | one kernel over streams | exact, percent |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
-    let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
+    let cancel = AtomicBool::new(false);
+    let monitor = Monitor::quiet(&cancel);
     for (name, scene) in [("built-in", Some(canted_scene::builtin())), ("sponza", sponza()?)] {
         let Some(scene) = scene else {
             let _ = writeln!(out, "| {name} | not available |");
@@ -167,7 +169,7 @@ pub(super) fn both(out: &mut String, bench: &Bench) -> Result<()> {
     let cancel = AtomicBool::new(false);
     let n_all = AtomicUsize::new(0);
     let count = |_, of: usize| n_all.store(of, Ordering::Relaxed);
-    let monitor = Monitor { progress: &count, finished: &|_| {}, cancel: &cancel };
+    let monitor = Monitor { progress: &count, ..Monitor::quiet(&cancel) };
     let mut n_tiles = 0;
     let by_cpu = || -> Result<()> {
         drop(render(&scene, &prepared, &camera, &settings, &|_, _| {}, &cancel)?);
@@ -269,7 +271,7 @@ fn counted(bench: &Bench, scene: &Scene, settings: &Settings) -> Result<Counts> 
     let cancel = AtomicBool::new(false);
     let on_cpu = render(scene, structure, &camera, settings, &|_, _| {}, &cancel)?;
     let picture = DevicePicture::new(&bench.gpu, &surfaces, structure, &camera, settings)?;
-    let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &cancel };
+    let monitor = Monitor::quiet(&cancel);
     let on_device = picture.render(vec![], &monitor)?;
     let [cpu_ids, device_ids] = [first_hits(&on_cpu)?, first_hits(&on_device)?];
     let pixels = on_cpu.pixels().iter().zip(on_device.pixels()).map(|(a, b)| [a.mean(), b.mean()]);

@@ -168,7 +168,7 @@ mod tests {
     fn rendered(options: &[(&str, &str)]) -> Result<Picture> {
         let options: Vec<(String, String)> = options.iter().map(|&(a, b)| (a.to_owned(), b.to_owned())).collect();
         let cancel = AtomicBool::new(false);
-        picture(&Source::Builtin, &options, &Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel })
+        picture(&Source::Builtin, &options, &Monitor::quiet(&cancel))
     }
 
     #[test]

@@ -72,7 +72,7 @@ pub use heatmap::{Heatmap, Measure, heatmap};
 
 pub use levels::{LevelChoice, LevelReason, PredictedCosts};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
-pub use render::{Monitor, RenderError, render, resume, resume_with};
+pub use render::{Monitor, RenderError, StageTimes, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
 pub use sampling::Hemisphere;
 pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten, has_one_level};

@@ -77,7 +77,7 @@ fn cancelled_work_keeps_reported_tiles() {
         reported.lock().unwrap().push(tile.clone());
         cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     };
-    let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
+    let monitor = Monitor { finished: &finished, ..Monitor::quiet(&cancel) };
     with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
         let ended = picture.render_with_cpu(vec![], &monitor).map(|shared| shared.n_tiles_of_device);
         assert_eq!(ended, Err(DeviceError::Render(RenderError::Cancelled)));
@@ -105,7 +105,7 @@ fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings) -> (Film, usize) {
     let picture = DevicePicture::new(gpu, &surfaces, &bvh, &camera(), settings).unwrap();
     let (n_tiles, cancel) = (AtomicUsize::new(0), AtomicBool::new(false));
     let progress = |_, all| n_tiles.store(all, Ordering::Relaxed);
-    let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };
+    let monitor = Monitor { progress: &progress, ..Monitor::quiet(&cancel) };
     let film = picture.render(vec![], &monitor).unwrap();
     (film, n_tiles.into_inner())
 }

@@ -49,7 +49,7 @@ pub(crate) fn on_cpu(scene: &Scene, settings: &Settings) -> Film {
 
 /// A monitor that ignores reports.
 pub(crate) fn silent(cancel: &AtomicBool) -> Monitor<'_> {
-    Monitor { progress: &|_, _| (), finished: &|_| (), cancel }
+    Monitor::quiet(cancel)
 }
 
 fn main() -> std::process::ExitCode {

@@ -56,7 +56,7 @@ fn a_device_lost_while_rendering_is_an_error() {
         n_done.store(done, Ordering::Relaxed);
         gpu.lose();
     };
-    let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };
+    let monitor = Monitor { progress: &progress, ..Monitor::quiet(&cancel) };
     // Tiles with more samples than one dispatch takes.
     let settings = Settings { samples: 256, ..small() };
     let lost = with_picture(&gpu, &full(), Levels::Auto, &settings, |picture| picture.render(vec![], &monitor).err());

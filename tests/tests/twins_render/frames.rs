@@ -38,7 +38,8 @@ fn crowd() -> (Scene, Camera) {
 }
 
 fn rendered(picture: &DevicePicture<'_>) -> Film {
-    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+    let cancel = AtomicBool::new(false);
+    let monitor = Monitor::quiet(&cancel);
     picture.render(vec![], &monitor).unwrap()
 }
 

@@ -188,7 +188,8 @@ fn another_point_or_color_is_detected() {
 /// the guess, with instances that move away from it, and from inside.
 fn rasterized_first_hits_change_no_picture() {
     let gpu = gpu();
-    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+    let cancel = AtomicBool::new(false);
+    let monitor = Monitor::quiet(&cancel);
     let settings = Settings { samples: 3, ..settings() };
     for (scene, camera) in [scenes::textured(), scenes::dollhouse(), scenes::in_motion(scenes::room())] {
         for levels in [Levels::One, Levels::Two] {

@@ -205,7 +205,8 @@ pub(super) fn frame_of(scene: &Scene) -> Camera {
 pub(super) fn on_device(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Film {
     let surfaces = Surfaces::with_lod(scene, settings.lod);
     let picture = DevicePicture::new(gpu, &surfaces, bvh, camera, settings).unwrap();
-    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+    let cancel = AtomicBool::new(false);
+    let monitor = Monitor::quiet(&cancel);
     picture.render(vec![], &monitor).unwrap()
 }
 

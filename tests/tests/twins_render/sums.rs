@@ -48,7 +48,7 @@ fn settings(integrator: Integrator, samples: u32) -> Settings {
 }
 
 pub(super) fn monitored<T>(then: impl FnOnce(&Monitor) -> T) -> T {
-    then(&Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) })
+    then(&Monitor::quiet(&AtomicBool::new(false)))
 }
 
 /// Pixels whose sums differ by more than the roundings of the device's sums.

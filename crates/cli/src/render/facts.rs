@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{BottomLevel, SceneBvh, SceneLevels, Settings, UnusedFeature};
+use canted_renderer::{BottomLevel, SceneBvh, SceneLevels, Settings, StageTimes, UnusedFeature};
 use canted_scene::{Camera, Environment, Scene};
 use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
@@ -103,7 +103,20 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &
     facts
 }
 
-/// Facts that are sums over frames.
+/// What the threads of the CPU spent their time on; nothing where they did nothing.
+pub(super) fn of_threads(times: &StageTimes) -> Vec<Fact> {
+    let seconds = times.seconds();
+    if seconds.iter().sum::<f64>() == 0.0 {
+        return vec![];
+    }
+    THREAD_SECONDS.into_iter().zip(seconds.map(|seconds| json!(seconds))).collect()
+}
+
+/// Seconds of all threads of the CPU together: [`StageTimes::STAGES`].
+const THREAD_SECONDS: [&str; 4] =
+    ["camera_thread_seconds", "rays_thread_seconds", "shading_thread_seconds", "film_thread_seconds"];
+
+/// Facts that are sums over frames, beside [`THREAD_SECONDS`].
 const SUMS: [&str; 11] = [
     "load_seconds",
     "build_seconds",
@@ -122,7 +135,7 @@ const SUMS: [&str; 11] = [
 pub(super) fn sum(mut all: Vec<Fact>, frame: Vec<Fact>) -> Vec<Fact> {
     for (key, value) in frame {
         match all.iter_mut().find(|(known, _)| *known == key) {
-            Some((_, old)) if SUMS.contains(&key) => {
+            Some((_, old)) if SUMS.contains(&key) || THREAD_SECONDS.contains(&key) => {
                 *old = match (old.as_u64(), value.as_u64()) {
                     (Some(a), Some(b)) => json!(a + b),
                     _ => json!(old.as_f64().unwrap_or(0.0) + value.as_f64().unwrap_or(0.0)),

@@ -18,13 +18,13 @@ use canted_film::{
     Aovs, Checkpoint, Film, Part, Partial, Record, Tile,
     denoise::{Denoise, Noisy, denoise},
 };
-use canted_renderer::{Monitor, RenderError, SceneBvh, Settings, Surfaces, resume_with};
+use canted_renderer::{Monitor, RenderError, SceneBvh, Settings, StageTimes, Surfaces, resume_with};
 use canted_scene::Camera;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use super::{
-    facts::Fact,
+    facts::{self, Fact},
     output::{Denoising, GUIDES, OutputFile},
 };
 use crate::{output, process};
@@ -88,15 +88,17 @@ pub(super) struct FilmJob<'a> {
 pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>) -> Result<(Film, Vec<Fact>)> {
     let &FilmJob { settings, output: file, checkpoint, .. } = job;
     let mut facts = vec![("device", json!(renderer.device()))];
+    let times = StageTimes::default();
     // indicatif hides the bar if standard error is not a terminal.
     let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(0) };
     if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
         bar.set_style(style);
     }
     if let Some(passes) = &job.passes {
-        let film = passes.render(renderer, settings, file, &bar);
+        let film = passes.render(renderer, settings, file, &bar, &times);
         bar.finish_and_clear();
         let (film, n_samples) = film?;
+        facts.extend(facts::of_threads(&times));
         facts.push(("samples_per_pixel", json!(n_samples)));
         return Ok((film, facts));
     }
@@ -120,8 +122,10 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
             checkpoint.add(tile);
         }
     };
-    let monitor = Monitor { progress: &progress, finished: &finished, cancel: process::cancel_flag() };
+    let monitor =
+        Monitor { progress: &progress, finished: &finished, cancel: process::cancel_flag(), times: Some(&times) };
     let film = renderer.render(done, &monitor, &mut facts);
+    facts.extend(facts::of_threads(&times));
     bar.finish_and_clear();
     let Err(error) = film else { return Ok((film?, facts)) };
     let is_stopped = matches!(error.downcast_ref(), Some(RenderError::Cancelled));
@@ -182,7 +186,7 @@ fn write_stopped(tiles: &Tiles, cpu: &CpuRenderer, file: &OutputFile) -> Result<
     };
     // A second signal ends the process.
     let sampled = stopping_after(COMPLETION, &AtomicBool::new(true), tiles, |cancel| {
-        let monitor = Monitor { progress: &|_, _| {}, finished: &finished, cancel };
+        let monitor = Monitor { finished: &finished, ..Monitor::quiet(cancel) };
         resume_with(cpu.surfaces, cpu.bvh, cpu.camera, &settings, done, &monitor)
     });
     match sampled {
@@ -273,6 +277,7 @@ impl Passes {
         settings: &Settings,
         file: &OutputFile,
         bar: &ProgressBar,
+        times: &StageTimes,
     ) -> Result<(Film, u32)> {
         let start = Instant::now();
         let (mut joined, mut n_rays, mut n_done, mut n_next) = (None, 0, 0, 1);
@@ -290,7 +295,7 @@ impl Passes {
             let finished = |tile: &Tile| tiles.iter().for_each(|tiles| tiles.lock().add(tile));
             done.iter().for_each(finished);
             let pass = |cancel: &AtomicBool| {
-                let monitor = Monitor { progress: &progress, finished: &finished, cancel };
+                let monitor = Monitor { progress: &progress, finished: &finished, cancel, times: Some(times) };
                 renderer.pass(&of_pass, done, &monitor).unwrap_or_else(|| {
                     let option = if self.budget.is_some() { "--seconds" } else { "--preview" };
                     Err(anyhow!("{option} renders in passes, which only the CPU does; use --device cpu"))
@@ -467,7 +472,7 @@ mod tests {
         let camera = frame(&scene, &bvh, 2.0);
         let tiles = Mutex::new(Vec::new());
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
-        let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
+        let monitor = Monitor { finished: &finished, ..Monitor::quiet(&cancel) };
         let complete = resume(&scene, &bvh, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
@@ -504,7 +509,8 @@ mod tests {
             read_picture(&folder.path().join(name)).unwrap()
         };
         let one = Settings { samples: 1, aovs: GUIDES.into_iter().collect(), means_only: false, ..settings };
-        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+        let cancel = AtomicBool::new(false);
+        let monitor = Monitor::quiet(&cancel);
         let film = resume_with(&surfaces, &bvh, &camera, &one, Vec::new(), &monitor).unwrap();
         let filtered = denoise(Noisy::of_film(&film).unwrap(), &Denoise::default());
         assert_eq!(written("off.exr", Denoising::Off, None), film.picture());

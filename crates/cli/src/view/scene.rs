@@ -296,7 +296,7 @@ impl Passes for OnCpu<'_> {
     }
 
     fn film(&self, settings: &Settings, cancel: &AtomicBool) -> Result<Film> {
-        let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel };
+        let monitor = Monitor::quiet(cancel);
         let FrameInput { surfaces, bvh, camera, .. } = *self.0;
         Ok(resume_with(surfaces, bvh, camera, settings, Vec::new(), &monitor)?)
     }
@@ -399,7 +399,7 @@ mod on_gpu {
         }
 
         fn film(&self, settings: &Settings, cancel: &AtomicBool) -> Result<Film> {
-            let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel };
+            let monitor = Monitor::quiet(cancel);
             self.picture.render_part(settings.part, &monitor).map_err(|error| named(self.gpu, error))
         }
     }

@@ -132,7 +132,7 @@ fn picture_of<'py>(
             shared.n_tiles.store(all, Ordering::Relaxed);
             shared.n_done.store(done, Ordering::Relaxed);
         };
-        let monitor = Monitor { progress: &count, finished: &|_| (), cancel: &shared.cancel };
+        let monitor = Monitor { progress: &count, ..Monitor::quiet(&shared.cancel) };
         let source = match &scene {
             Scene::Builtin => Source::Builtin,
             Scene::File(path) => Source::File(path),

@@ -48,14 +48,15 @@
 
 use std::f64::consts::PI;
 
-use canted_trace::{Hit, Intersect, Ray};
+use canted_trace::{Hit, Ray};
 use glam::{DVec3, Vec3};
 
-use super::{INDIRECT, Path, PathRadiance, Sample, Seen, Start, Transport};
+use super::{INDIRECT, Path, PathRadiance, Sample, Seen, ShadowRays, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
+use crate::render::Times;
 use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
-use crate::{HitFilter, Surface, narrow, wide};
+use crate::{Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -65,14 +66,23 @@ const FIRST_LIGHT: u32 = 1 << 16;
 
 impl Transport<'_> {
     /// Samples of the hybrid integrator; see [`Transport::samples`].
-    pub(super) fn hybrid_samples(&self, seen: &[Seen], ao_radius: f64) -> Vec<Sample> {
+    pub(super) fn hybrid_samples(&self, seen: &[Seen], ao_radius: f64, times: &mut Times) -> Vec<Sample> {
         let mut sampler = self.sampler.remembering();
-        self.batch(seen, |path: &mut Path<()>, n| self.hybrid_step(&mut sampler, path, n, ao_radius))
+        self.batch(seen, times, |path: &mut Path<()>, n, shadow_rays| {
+            self.hybrid_step(&mut sampler, path, n, shadow_rays, ao_radius)
+        })
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn hybrid_step(&self, sampler: &mut RememberingSampler, path: &mut Path<()>, n: u32, ao_radius: f64) -> bool {
-        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, first, accumulated, .. } = path;
+    fn hybrid_step<'a>(
+        &self,
+        sampler: &mut RememberingSampler,
+        path: &mut Path<'a, ()>,
+        n: u32,
+        shadow_rays: &mut ShadowRays<'_, 'a>,
+        ao_radius: f64,
+    ) -> bool {
+        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, first, accumulated, direct, .. } = path;
         let hit = match (self.lights.intersect_nth(n, ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
@@ -106,13 +116,15 @@ impl Transport<'_> {
         accumulated.add(n, surface.emission, 1.0);
         let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
         let shadows = query.keyed(1 + n).lighting(surface.time);
-        let Reflected { radiance, unoccluded, n_rays } = direct(&self.lights, self.bvh, shadows, surface, square);
-        if let Some([diffuse, arriving, ..]) = accumulated.first.as_mut().filter(|_| n == 0) {
-            (*diffuse, *arriving) = (unoccluded, radiance);
+        direct.throughput = accumulated.throughput;
+        let unoccluded = reflected(&self.lights, surface, square, |to, ray, light| match ray {
+            // The shadow ray to light `k` has number `k`.
+            Some(ray) => shadow_rays.add(ray, LightId::Light(to), shadows.keyed(to), light),
+            None => direct.sum += light,
+        });
+        if let Some([diffuse, ..]) = accumulated.first.as_mut().filter(|_| n == 0) {
+            *diffuse = unoccluded;
         }
-        // Shadow rays find no rare bright light, so none is clamped.
-        accumulated.add_light(n + 1, accumulated.throughput * radiance);
-        accumulated.n_rays += n_rays;
         accumulated.count_scattering(false);
 
         // The weight of a cosine-sampled direction is the albedo.
@@ -146,32 +158,20 @@ fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
     -(-distance / ao_radius).exp_m1() as f32
 }
 
-/// What a surface reflects of the lights of the scene file.
-pub(crate) struct Reflected {
-    /// Radiance of the lights that nothing occludes.
-    pub(crate) radiance: Vec3,
-    /// Radiance of all lights as if nothing occluded them.
-    pub(crate) unoccluded: Vec3,
-    /// Shadow rays.
-    pub(crate) n_rays: u64,
-}
-
-/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each.
-///
-/// The shadow ray to light `k` has number `k` below `query`.
+/// What a diffuse surface reflects of the lights of the scene file if nothing occludes them. Passes the index of each light, the shadow ray
+/// and the reflected light to `add`.
 ///
 /// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a
 /// sun is `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the
 /// light's index. Only light above the horizons of both the surface and the shading normal counts, on the viewer's
 /// side.
-pub(crate) fn direct(
+fn reflected(
     lights: &Lights,
-    bvh: &dyn Intersect,
-    query: HitFilter,
     surface: &Surface,
     mut square: impl FnMut(u32) -> [f32; 2],
-) -> Reflected {
-    let mut sum = Reflected { radiance: Vec3::ZERO, unoccluded: Vec3::ZERO, n_rays: 0 };
+    mut add: impl FnMut(u32, Option<Ray>, Vec3),
+) -> Vec3 {
+    let mut sum = Vec3::ZERO;
     for (index, light) in (0..).zip(lights.list()) {
         let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
         let cosine = DVec3::from(surface.shading_normal).dot(incoming.to_light);
@@ -180,14 +180,8 @@ pub(crate) fn direct(
         }
         let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
         let light = Vec3::from(surface.bsdf.base_color) * reflected;
-        sum.unoccluded += light;
-        if let Some(ray) = incoming.shadow_ray {
-            sum.n_rays += 1;
-            if !lights.is_unoccluded(&ray, LightId::Light(index), bvh, &mut query.keyed(index)) {
-                continue;
-            }
-        }
-        sum.radiance += light;
+        sum += light;
+        add(index, incoming.shadow_ray, light);
     }
     sum
 }

@@ -3,7 +3,8 @@
 use canted_trace::{Hit, Intersect, Ray};
 use glam::Vec3;
 
-use crate::light::{LightSampler, Lights};
+use crate::light::{LightId, LightSampler, Lights};
+use crate::render::{Stage, Times};
 use crate::{Cone, Hemisphere, HitFilter, Sampler, Surface, Surfaces};
 
 mod hybrid;
@@ -78,10 +79,10 @@ pub(crate) struct Sample {
 
 impl<'a> Transport<'a> {
     /// Radiance along camera rays whose closest hits are known, one sample each.
-    pub(crate) fn samples(&self, seen: &[Seen]) -> Vec<Sample> {
+    pub(crate) fn samples(&self, seen: &[Seen], times: &mut Times) -> Vec<Sample> {
         match self.method {
-            Method::Hybrid { ao_radius } => self.hybrid_samples(seen, ao_radius),
-            Method::Path(lights) => self.path_samples(seen, lights),
+            Method::Hybrid { ao_radius } => self.hybrid_samples(seen, ao_radius, times),
+            Method::Path(lights) => self.path_samples(seen, lights, times),
         }
     }
 
@@ -96,7 +97,7 @@ impl<'a> Transport<'a> {
     }
 }
 
-// Batched path tracing: all paths shade their hits, then all trace their next ray, until every path has ended.
+// Batched path tracing: all paths shade their hits, then all trace their shadow rays, then their next ray, until every path has ended.
 //
 // A single path stalls on memory for indices, vertices and texels in turn. In a batch these stalls overlap, see
 // [`Surfaces::prefetch`](crate::Surfaces). Paths are otherwise independent, so results do not depend on the batch.
@@ -115,8 +116,41 @@ struct Path<'a, W> {
     /// The surface at the first hit, if it is known.
     first: Option<&'a Surface>,
     accumulated: PathRadiance,
+    direct: DirectLight,
     /// State of the integrator.
     state: W,
+}
+
+/// Light of the listed lights at a vertex, whose shadow rays are traced after all vertices are shaded.
+#[derive(Default)]
+struct DirectLight {
+    /// The sum over lights that nothing occludes.
+    sum: Vec3,
+    /// Factor of the sum.
+    throughput: Vec3,
+}
+
+/// A ray from a vertex to a light.
+struct ShadowRay<'a> {
+    /// Index of the path.
+    path: usize,
+    ray: Ray,
+    to: LightId,
+    query: HitFilter<'a>,
+    /// What the vertex reflects of the light if nothing occludes it.
+    light: Vec3,
+}
+
+/// Adds the shadow rays of a path.
+struct ShadowRays<'s, 'a> {
+    all: &'s mut Vec<ShadowRay<'a>>,
+    path: usize,
+}
+
+impl<'a> ShadowRays<'_, 'a> {
+    fn add(&mut self, ray: Ray, to: LightId, query: HitFilter<'a>, light: Vec3) {
+        self.all.push(ShadowRay { path: self.path, ray, to, query, light });
+    }
 }
 
 /// Index of indirect light, which at least two surfaces scattered, among the parts of the radiance.
@@ -153,19 +187,19 @@ impl PathRadiance {
 
     /// Adds light that the `n`-th ray found.
     fn add(&mut self, n: u32, radiance: impl Into<Vec3>, weight: f32) {
-        self.add_after(n, self.n_scattered, radiance.into(), weight);
+        self.add_light(n, self.clamped(self.n_scattered, radiance.into(), weight));
     }
 
-    /// Adds light that the surface scatters at which the `n`-th ray ended.
-    fn add_direct(&mut self, n: u32, radiance: impl Into<Vec3>, weight: f32) {
-        self.add_after(n + 1, self.n_scattered + 1, radiance.into(), weight);
+    /// Light that the surface scatters at which the last ray ended.
+    fn direct(&self, radiance: Vec3, weight: f32) -> Vec3 {
+        self.clamped(self.n_scattered + 1, radiance, weight)
     }
 
-    fn add_after(&mut self, n: u32, n_scattered: u32, radiance: Vec3, weight: f32) {
+    fn clamped(&self, n_scattered: u32, radiance: Vec3, weight: f32) -> Vec3 {
         let light = self.throughput * radiance * weight;
         let greatest = light.max_element();
         let is_clamped = n_scattered > 1 && greatest > self.clamp;
-        self.add_light(n, if is_clamped { light * (self.clamp / greatest) } else { light });
+        if is_clamped { light * (self.clamp / greatest) } else { light }
     }
 
     /// Adds light after `n` vertices, mirrors and glass included.
@@ -187,7 +221,8 @@ impl Transport<'_> {
     fn batch<'a, W: Default>(
         &'a self,
         seen: &'a [Seen],
-        mut step: impl FnMut(&mut Path<'a, W>, u32) -> bool,
+        times: &mut Times,
+        mut step: impl FnMut(&mut Path<'a, W>, u32, &mut ShadowRays<'_, 'a>) -> bool,
     ) -> Vec<Sample> {
         let begin = |&Seen { start, hit, ref surface }: &'a Seen| Path {
             start,
@@ -197,16 +232,39 @@ impl Transport<'_> {
             hit,
             first: surface.as_ref(),
             accumulated: PathRadiance::new(self.clamp, self.keeps_first),
+            direct: DirectLight::default(),
             state: W::default(),
         };
         let mut paths: Vec<Path<'a, W>> = seen.iter().map(begin).collect();
         let mut active: Vec<usize> = (0..paths.len()).collect();
+        let (mut shadow_rays, mut lit) = (vec![], vec![]);
         for n in 0.. {
             // The hit of the last ray is not shaded.
             if n <= self.bounces {
                 self.surfaces.prefetch(active.iter().filter_map(|&i| paths[i].hit.as_ref()));
             }
-            active.retain(|&i| step(&mut paths[i], n));
+            lit.clone_from(&active);
+            active.retain(|&i| step(&mut paths[i], n, &mut ShadowRays { all: &mut shadow_rays, path: i }));
+            times.end(Stage::Shading);
+            for ShadowRay { path, ray, to, mut query, light } in shadow_rays.drain(..) {
+                let Path { accumulated, direct, .. } = &mut paths[path];
+                accumulated.n_rays += 1;
+                if self.lights.is_unoccluded(&ray, to, self.bvh, &mut query) {
+                    direct.sum += light;
+                }
+            }
+            times.end(Stage::Rays);
+            for &i in &lit {
+                let Path { accumulated, direct, .. } = &mut paths[i];
+                accumulated.add_light(n + 1, direct.throughput * direct.sum);
+                if n == 0
+                    && let Some([_, arriving, ..]) = &mut accumulated.first
+                {
+                    *arriving = direct.sum;
+                }
+                *direct = DirectLight::default();
+            }
+            times.end(Stage::Shading);
             if active.is_empty() {
                 break;
             }
@@ -220,6 +278,7 @@ impl Transport<'_> {
                     self.scattered_hit(ray, query, &mut accumulated.n_rays)
                 };
             }
+            times.end(Stage::Rays);
         }
         let sample = |Path { accumulated: PathRadiance { radiance, components, first, n_rays, .. }, .. }| Sample {
             radiance: radiance.into(),

@@ -14,12 +14,13 @@
 use canted_trace::Ray;
 use glam::{DVec3, Vec3};
 
-use super::{Path, PathRadiance, Sample, Seen, Transport};
+use super::{Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
+use crate::render::Times;
 use crate::sampler::{RememberingSampler, SampleNumbers};
 use crate::sampling::Basis;
-use crate::{HitFilter, Surface, narrow, wide};
+use crate::{Surface, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -156,17 +157,20 @@ impl Vertex {
 
 impl Transport<'_> {
     /// Samples of the path integrator; see [`Transport::samples`].
-    pub(super) fn path_samples(&self, seen: &[Seen], lights: &LightSampler) -> Vec<Sample> {
+    pub(super) fn path_samples(&self, seen: &[Seen], lights: &LightSampler, times: &mut Times) -> Vec<Sample> {
         let mut sampler = self.sampler.remembering();
-        self.batch(seen, |path: &mut Path<PathState>, n| self.path_step(&mut sampler, path, n, lights))
+        self.batch(seen, times, |path: &mut Path<PathState>, n, shadow_rays| {
+            self.path_step(&mut sampler, path, n, shadow_rays, lights)
+        })
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn path_step(
+    fn path_step<'a>(
         &self,
         sampler: &mut RememberingSampler,
-        path: &mut Path<PathState>,
+        path: &mut Path<'a, PathState>,
         n: u32,
+        shadow_rays: &mut ShadowRays<'_, 'a>,
         lights: &LightSampler,
     ) -> bool {
         let Path {
@@ -177,6 +181,7 @@ impl Transport<'_> {
             hit,
             first,
             accumulated,
+            direct,
             state: PathState { vertex: previous, density, compression },
         } = path;
         // The MIS weight of light found by BSDF sampling.
@@ -206,7 +211,13 @@ impl Transport<'_> {
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);
-            self.add_light(&mut numbers, accumulated, lights, vertex, n, shadows);
+            // The shadow ray does not have the number of the ray that leaves the vertex.
+            match self.sample_light(&mut numbers, accumulated, lights, vertex, n) {
+                Some((Some(ray), to, light)) => shadow_rays.add(ray, to, shadows.keyed(0), light),
+                Some((None, _, light)) => direct.sum = light,
+                None => {}
+            }
+            direct.throughput = Vec3::ONE;
         }
         let Some(next) = self.scatter(&mut numbers, accumulated, compression, vertex, n) else { return false };
         (*ray, *density) = next;
@@ -214,37 +225,30 @@ impl Transport<'_> {
         true
     }
 
-    /// Adds a light sample at a vertex.
-    fn add_light(
+    /// Samples a light at a vertex: the shadow ray, if the light can be occluded, the light and what the vertex reflects of it.
+    fn sample_light(
         &self,
         numbers: &mut SampleNumbers,
-        accumulated: &mut PathRadiance,
+        accumulated: &PathRadiance,
         lights: &LightSampler,
         vertex: &Vertex,
         n: u32,
-        query: HitFilter,
-    ) {
+    ) -> Option<(Option<Ray>, LightId, Vec3)> {
         let choice = if lights.has_choice() { numbers.single(Dimension::LightChoice.at(n)) } else { 0.0 };
         let square = numbers.pair(Dimension::Light.at(n));
-        let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
+        let light = lights.sample(&vertex.surface, vertex.transmits(), choice, square)?;
         // Surface emission belongs to the vertex on the emitter, which here is beyond the last one.
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
-            return;
+            return None;
         }
         let Evaluation { value, density } = vertex.evaluate(light.to_light);
         if value == [0.0; 3] {
-            return;
-        }
-        if let Some(ray) = &light.shadow_ray {
-            accumulated.n_rays += 1;
-            // Not the number of the ray that leaves the vertex.
-            if !lights.lights().is_unoccluded(ray, light.light, self.bvh, &mut query.keyed(0)) {
-                return;
-            }
+            return None;
         }
         // BSDF sampling never finds delta lights.
         let mis_weight = if light.is_delta { 1.0 } else { weight(light.density, density) };
-        accumulated.add_direct(n, Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
+        let reflected = accumulated.direct(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
+        Some((light.shadow_ray, light.light, reflected))
     }
 
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.

@@ -1,6 +1,7 @@
 //! Samples of all pixels, tile by tile.
 
 mod tiles;
+mod times;
 
 use std::f64::consts::SQRT_2;
 use std::fmt;
@@ -18,6 +19,8 @@ use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
 pub(crate) use tiles::Worker;
 pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
+pub use times::StageTimes;
+pub(crate) use times::{Stage, Times};
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
 #[derive(Clone, Copy)]
@@ -28,6 +31,16 @@ pub struct Monitor<'a> {
     pub finished: &'a (dyn Fn(&Tile) + Sync),
     /// Cancels the render once it is set: on the CPU after the samples that were begun, on a GPU after the current dispatch.
     pub cancel: &'a AtomicBool,
+    /// Receives what threads of the CPU spend their time on.
+    pub times: Option<&'a StageTimes>,
+}
+
+impl<'a> Monitor<'a> {
+    /// Calls nothing.
+    #[must_use]
+    pub fn quiet(cancel: &'a AtomicBool) -> Self {
+        Self { progress: &|_, _| {}, finished: &|_| {}, cancel, times: None }
+    }
 }
 
 /// Renders `scene` in the caller's thread pool.
@@ -49,7 +62,7 @@ pub fn render(
     progress: &(dyn Fn(usize, usize) + Sync),
     cancel: &AtomicBool,
 ) -> Result<Film, RenderError> {
-    resume(scene, bvh, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
+    resume(scene, bvh, camera, settings, Vec::new(), &Monitor { progress, ..Monitor::quiet(cancel) })
 }
 
 /// [`render`] for the tiles that are not in `done`, which an earlier call with the same arguments finished.

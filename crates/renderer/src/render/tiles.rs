@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use canted_film::{Aov, CELL, Components, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
-use canted_trace::Counts;
+use canted_trace::{Counts, Hit};
 
-use super::Adaptive;
+use super::{Adaptive, Stage, Times};
 use crate::integrate::{Seen, Start, Transport};
 use crate::sampler::RememberingSampler;
 use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, View};
@@ -27,7 +27,7 @@ const BATCH: usize = 64;
 /// Renders tiles, whatever the query that the scene needs.
 pub(crate) trait RenderTiles: Sync {
     /// Renders a tile; `None` once `stop`, which is called before each sample, returns true.
-    fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile>;
+    fn tile(&self, number: usize, times: &mut Times, stop: &dyn Fn() -> bool) -> Option<Tile>;
 
     /// Adds one sample of a pixel to its sums; returns the number of rays.
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
@@ -49,22 +49,23 @@ pub(super) struct TileRenderer<'a> {
 }
 
 impl RenderTiles for TileRenderer<'_> {
-    fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
+    fn tile(&self, number: usize, times: &mut Times, stop: &dyn Fn() -> bool) -> Option<Tile> {
         let [left, top] = self.tiling.corner(number);
         let mut tile = self.tiling.tile(number);
         let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
         for pixels in self.tiling.cells(number) {
             let positions = pixels.iter().map(|&[x, y]| [left + x, top + y]);
-            self.cell(positions, &mut sums, &mut tile.n_rays, stop)?;
+            self.cell(positions, &mut sums, &mut tile.n_rays, times, stop)?;
             self.tiling.store(&pixels, &sums, &mut tile);
+            times.end(Stage::Film);
         }
         Some(tile)
     }
 
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
-        let (seen, weight) = self.start(&mut self.transport.sampler.remembering(), pixel, sample, sums);
-        let mut started = Started { seen: vec![seen], places: vec![(0, weight)] };
-        self.finish(&mut started, std::slice::from_mut(sums))
+        let mut started = Started::default();
+        started.add(0, self.start(&mut self.transport.sampler.remembering(), pixel, sample));
+        self.finish(&mut started, std::slice::from_mut(sums), &mut Times::new())
     }
 
     fn kept(&self, guide: Guide) -> Guide {
@@ -84,12 +85,13 @@ impl TileRenderer<'_> {
         pixels: impl ExactSizeIterator<Item = [u32; 2]> + Clone,
         sums: &mut [Sums],
         n_rays: &mut u64,
+        times: &mut Times,
         stop: &dyn Fn() -> bool,
     ) -> Option<()> {
         let sums = &mut sums[..pixels.len()];
         sums.iter_mut().for_each(Sums::clear);
         let mut adaptive = Adaptive::new(self.settings);
-        let mut started = Started { seen: Vec::with_capacity(BATCH), places: Vec::with_capacity(BATCH) };
+        let mut started = Started::default();
         let mut sampler = self.transport.sampler.remembering();
         loop {
             for (index, pixel) in pixels.clone().enumerate() {
@@ -97,23 +99,21 @@ impl TileRenderer<'_> {
                     if stop() {
                         return None;
                     }
-                    let (seen, weight) = self.start(&mut sampler, pixel, sample, &mut sums[index]);
-                    started.seen.push(seen);
-                    started.places.push((index, weight));
-                    if started.seen.len() == BATCH {
-                        *n_rays += self.finish(&mut started, sums);
+                    started.add(index, self.start(&mut sampler, pixel, sample));
+                    if started.starts.len() == BATCH {
+                        *n_rays += self.finish(&mut started, sums, times);
                     }
                 }
             }
-            *n_rays += self.finish(&mut started, sums);
+            *n_rays += self.finish(&mut started, sums, times);
             if !adaptive.advance(self.settings, sums) {
                 return Some(());
             }
         }
     }
 
-    /// Traces the camera ray of a sample, and adds its AOVs to the sums of its pixel; returns its weight by the filter.
-    fn start(&self, sampler: &mut RememberingSampler, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> (Seen, f32) {
+    /// The camera ray of a sample, and its weight by the filter.
+    fn start(&self, sampler: &mut RememberingSampler, [x, y]: [u32; 2], sample: u32) -> (Start, f32) {
         let number = y * self.settings.width + x;
         let ([dx, dy], weight) = self.filter.sample(sampler.pair(number, sample, PIXEL_POSITION));
         let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
@@ -124,23 +124,16 @@ impl TileRenderer<'_> {
         };
         let time = if self.has_motion { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
         let ray = ray.at_time(time);
-        let start = Start { ray, cone: self.view.cone(position, sample), pixel: number, sample };
-        let seen = if self.tiling.has_guides() {
-            let (seen, guide) = self.guide(start);
-            sums.guide.push_sample(sample, self.kept(guide));
-            seen
-        } else {
-            let hit = self.transport.bvh.closest_hit_with(&ray, &mut self.transport.camera_query(&start));
-            Seen { start, hit, surface: None }
-        };
-        (seen, weight)
+        (Start { ray, cone: self.view.cone(position, sample), pixel: number, sample }, weight)
     }
 
-    /// Adds the radiance of samples, in order, to the sums of their cell; returns the number of rays.
-    fn finish(&self, started: &mut Started, sums: &mut [Sums]) -> u64 {
+    /// Traces paths, and adds the radiance and the AOVs of samples, in order, to the sums of their cell; returns the number of rays.
+    fn finish(&self, started: &mut Started, sums: &mut [Sums], times: &mut Times) -> u64 {
+        times.end(Stage::Camera);
+        let seen = if self.tiling.has_guides() { self.guided(started, sums, times) } else { self.hits(started, times) };
         let mut n_rays = 0;
-        let lights = self.transport.samples(&started.seen);
-        for ((seen, &(index, weight)), light) in started.seen.iter().zip(&started.places).zip(lights) {
+        let lights = self.transport.samples(&seen, times);
+        for ((seen, &(index, weight)), light) in seen.iter().zip(&started.places).zip(lights) {
             let (pixel, sample) = (Pixel::weighted(light.radiance, weight), seen.start.sample);
             sums[index].pixel.push_sample(sample, pixel);
             if self.tiling.has_components() {
@@ -152,22 +145,52 @@ impl TileRenderer<'_> {
             }
             n_rays += light.n_rays;
         }
-        started.seen.clear();
+        started.starts.clear();
         started.places.clear();
+        times.end(Stage::Film);
         n_rays
     }
 
-    /// What a camera ray sees, and its AOVs.
-    fn guide(&self, start: Start) -> (Seen, Guide) {
-        let Start { ray, cone, .. } = &start;
-        let query = self.transport.camera_query(&start);
-        let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
+    /// The hits of camera rays.
+    fn hits(&self, started: &Started, times: &mut Times) -> Vec<Seen> {
+        let hit = |&start: &Start| {
+            let hit = self.transport.bvh.closest_hit_with(&start.ray, &mut self.transport.camera_query(&start));
+            Seen { start, hit, surface: None }
+        };
+        let seen = started.starts.iter().map(hit).collect();
+        times.end(Stage::Rays);
+        seen
+    }
+
+    /// The hits of camera rays with their surfaces, whose AOVs are added.
+    fn guided(&self, started: &Started, sums: &mut [Sums], times: &mut Times) -> Vec<Seen> {
+        let traced: Vec<_> = started.starts.iter().map(|start| self.counted_hit(start)).collect();
+        times.end(Stage::Rays);
+        let mut seen = Vec::with_capacity(traced.len());
+        for ((&start, &(index, _)), (hit, tests)) in started.starts.iter().zip(&started.places).zip(traced) {
+            let (one, guide) = self.guide(start, hit, tests);
+            sums[index].guide.push_sample(start.sample, self.kept(guide));
+            seen.push(one);
+        }
+        times.end(Stage::Shading);
+        seen
+    }
+
+    /// The hit of a camera ray, and the tests of boxes and triangles where they are an AOV.
+    fn counted_hit(&self, start: &Start) -> (Option<Hit>, [f64; 2]) {
+        let query = self.transport.camera_query(start);
+        if self.settings.aovs.contains(Aov::Tests) {
             let mut counted = CountedHitFilter { filter: query, counts: Counts::default() };
-            let hit = self.transport.bvh.closest_hit_with(ray, &mut counted);
+            let hit = self.transport.bvh.closest_hit_with(&start.ray, &mut counted);
             (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
         } else {
-            (self.transport.bvh.closest_hit_with(ray, &mut { query }), [0.0; 2])
-        };
+            (self.transport.bvh.closest_hit_with(&start.ray, &mut { query }), [0.0; 2])
+        }
+    }
+
+    /// What a camera ray sees, and its AOVs.
+    fn guide(&self, start: Start, hit: Option<Hit>, tests: [f64; 2]) -> (Seen, Guide) {
+        let Start { ray, cone, .. } = &start;
         if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light has no albedo and no instance.
             let depth = self.view.depth(ray.at(t.into()));
@@ -205,11 +228,19 @@ pub(crate) fn sample_offset(filter: &FilterSampler, sampler: &Sampler, pixel: u3
     filter.sample(sampler.pair(pixel, sample, PIXEL_POSITION))
 }
 
-/// Samples whose camera rays are traced.
+/// Samples whose camera rays are not traced yet.
+#[derive(Default)]
 struct Started {
-    seen: Vec<Seen>,
+    starts: Vec<Start>,
     /// For each, the index of its pixel in its cell and its weight by the filter.
     places: Vec<(usize, f32)>,
+}
+
+impl Started {
+    fn add(&mut self, index: usize, (start, weight): (Start, f32)) {
+        self.starts.push(start);
+        self.places.push((index, weight));
+    }
 }
 
 // Distributes tiles among the threads of the CPU and a GPU.
@@ -274,13 +305,17 @@ impl<'a> Schedule<'a> {
     pub(crate) fn spawn_cpu_workers<'s>(&'s self, scope: &rayon::Scope<'s>, tiles: &'s dyn RenderTiles) {
         for _ in 0..rayon::current_num_threads() {
             scope.spawn(|_| {
+                let mut times = Times::new();
                 while let Some(number) = self.next_for_cpu() {
-                    match tiles.tile(number, &|| self.is_over(&[number])) {
+                    match tiles.tile(number, &mut times, &|| self.is_over(&[number])) {
                         Some(tile) => self.finish(tile, Worker::Cpu),
-                        None if self.is_cancelled() => return,
+                        None if self.is_cancelled() => break,
                         // The GPU was first.
                         None => {}
                     }
+                }
+                if let Some(all) = self.monitor.times {
+                    all.add(&times);
                 }
             });
         }
@@ -371,7 +406,7 @@ mod tests {
     #[test]
     fn each_starts_at_its_end_and_then_repeats_the_tiles_of_the_other() {
         let cancel = AtomicBool::new(false);
-        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+        let monitor = Monitor::quiet(&cancel);
         let tile = |number| tiling().tile(number);
         let schedule = Schedule::new(tiling(), vec![tile(1)], &monitor).unwrap();
         assert_eq!(schedule.next_for_cpu(), Some(0));
@@ -399,7 +434,7 @@ mod tests {
     #[test]
     fn a_picture_without_all_tiles_is_cancelled() {
         let cancel = AtomicBool::new(true);
-        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+        let monitor = Monitor::quiet(&cancel);
         let schedule = Schedule::new(tiling(), vec![], &monitor).unwrap();
         assert!(schedule.is_over(&[0]));
         assert_eq!(schedule.into_film().err(), Some(RenderError::Cancelled));

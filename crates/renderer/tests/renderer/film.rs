@@ -155,7 +155,8 @@ fn finished_tiles_are_not_rendered_again() {
     let run = |done: Vec<Tile>| {
         let finished = Mutex::new(Vec::new());
         let keep = |tile: &Tile| finished.lock().unwrap().push(tile.clone());
-        let monitor = Monitor { progress: &|_, _| (), finished: &keep, cancel: &AtomicBool::new(false) };
+        let cancel = AtomicBool::new(false);
+        let monitor = Monitor { finished: &keep, ..Monitor::quiet(&cancel) };
         let film = resume(&stage, &tracer, &view, &settings, done, &monitor);
         (film, finished.into_inner().unwrap())
     };
