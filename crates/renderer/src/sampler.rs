@@ -91,7 +91,7 @@ impl Sampler {
 
     /// A sampler that is faster where samples of the same pixels follow each other.
     pub(crate) fn remembering(self) -> RememberingSampler {
-        RememberingSampler { sampler: self, known: [None; KNOWN] }
+        RememberingSampler { sampler: self, pairs: [None; KNOWN], singles: [None; KNOWN] }
     }
 
     /// A number in `[0, 1)`, independent of [`Sampler::pair`] of the same dimension.
@@ -99,14 +99,18 @@ impl Sampler {
     /// Stratified like a coordinate of it: one sample in each of the `n` strata.
     #[must_use]
     pub fn single(&self, pixel: u32, sample: u32, dimension: u32) -> f32 {
+        self.singles(pixel, dimension).at(sample)
+    }
+
+    /// The numbers of all samples of a pixel in one dimension.
+    fn singles(&self, pixel: u32, dimension: u32) -> Singles {
         let key = self.key(pixel, dimension);
-        let jitter = mix(mix(key ^ 6) ^ sample);
-        let n = self.columns * self.rows;
-        match self.pattern {
-            Pattern::Random => unit(jitter >> 8),
-            Pattern::Stratified => jittered(Permutation::new(n, mix(key ^ 7)).of(sample % n), n, jitter),
-            Pattern::Sobol => unit(net_single(sample, key) >> 8),
-        }
+        let pattern = match self.pattern {
+            Pattern::Random => SinglePattern::Random,
+            Pattern::Stratified => SinglePattern::Stratified(Permutation::new(self.columns * self.rows, mix(key ^ 7))),
+            Pattern::Sobol => SinglePattern::Sobol(key),
+        };
+        Singles { pattern, jitter: mix(key ^ 6) }
     }
 
     /// Random bits that do not depend on the pattern, independent of [`Sampler::pair`] of the same dimension.
@@ -121,14 +125,16 @@ impl Sampler {
     }
 }
 
-/// Pairs of a dimension that a [`RememberingSampler`] keeps. An integrator needs two or three at a vertex.
+/// Dimensions of pairs, and of single numbers, that a [`RememberingSampler`] keeps. An integrator needs two or three of each at a vertex.
 const KNOWN: usize = 4;
 
 /// A [`Sampler`] that keeps what depends on pixel and dimension alone: most of the arithmetic of a stratified pair.
 pub(crate) struct RememberingSampler {
     sampler: Sampler,
     /// Pixel, dimension and pairs, at the dimension modulo [`KNOWN`].
-    known: [Option<(u32, u32, Pairs)>; KNOWN],
+    pairs: [Option<(u32, u32, Pairs)>; KNOWN],
+    /// The same of single numbers.
+    singles: [Option<(u32, u32, Singles)>; KNOWN],
 }
 
 /// The numbers of one sample of a pixel.
@@ -145,8 +151,8 @@ impl SampleNumbers<'_> {
     }
 
     /// [`Sampler::single`].
-    pub(crate) fn single(&self, dimension: u32) -> f32 {
-        self.sampler.sampler.single(self.pixel, self.sample, dimension)
+    pub(crate) fn single(&mut self, dimension: u32) -> f32 {
+        self.sampler.single(self.pixel, self.sample, dimension)
     }
 }
 
@@ -157,10 +163,45 @@ impl RememberingSampler {
 
     /// [`Sampler::pair`].
     pub(crate) fn pair(&mut self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
-        let slot = &mut self.known[dimension as usize % KNOWN];
+        let slot = &mut self.pairs[dimension as usize % KNOWN];
         match slot {
             Some((p, d, pairs)) if *p == pixel && *d == dimension => pairs.at(sample),
             _ => slot.insert((pixel, dimension, self.sampler.pairs(pixel, dimension))).2.at(sample),
+        }
+    }
+
+    /// [`Sampler::single`].
+    pub(crate) fn single(&mut self, pixel: u32, sample: u32, dimension: u32) -> f32 {
+        let slot = &mut self.singles[dimension as usize % KNOWN];
+        match slot {
+            Some((p, d, singles)) if *p == pixel && *d == dimension => singles.at(sample),
+            _ => slot.insert((pixel, dimension, self.sampler.singles(pixel, dimension))).2.at(sample),
+        }
+    }
+}
+
+/// The numbers of all samples of a pixel in one dimension.
+#[derive(Clone, Copy)]
+struct Singles {
+    pattern: SinglePattern,
+    jitter: u32,
+}
+
+#[derive(Clone, Copy)]
+enum SinglePattern {
+    Random,
+    /// The key of [`net_single`].
+    Sobol(u32),
+    Stratified(Permutation),
+}
+
+impl Singles {
+    fn at(&self, sample: u32) -> f32 {
+        let jitter = || mix(self.jitter ^ sample);
+        match &self.pattern {
+            SinglePattern::Random => unit(jitter() >> 8),
+            SinglePattern::Stratified(strata) => jittered(strata.of(sample % strata.n), strata.n, jitter()),
+            SinglePattern::Sobol(key) => unit(net_single(sample, *key) >> 8),
         }
     }
 }
@@ -351,6 +392,8 @@ mod tests {
                 let [pixel, sample, dimension] = [mix(round) % 3, round % 12, mix(round ^ 77) % 9];
                 let want = sampler.pair(pixel, sample, dimension);
                 assert_eq!(remembering.pair(pixel, sample, dimension), want, "{pattern:?} {pixel} {dimension}");
+                let want = sampler.single(pixel, sample, dimension);
+                assert_eq!(remembering.single(pixel, sample, dimension), want, "{pattern:?} {pixel} {dimension}");
             }
         }
     }

@@ -4,10 +4,12 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use super::energy::Energy;
 use super::glass;
 use super::lobes::Lobes;
 use super::microfacet::{Ggx, fresnel, mean, mean_fresnel_below, reflect, refracted_cosine, schlick, unit};
 use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
+use crate::Hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
 ///
@@ -15,17 +17,38 @@ use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 /// width of the narrowest lobe.
 const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
 
+/// What a boundary reads of a BSDF for every direction.
+#[derive(Clone, Copy)]
+struct Core {
+    base_color: [f32; 3],
+    diffuse: [f32; 3],
+    metallic: f32,
+    specular: f32,
+    transmission: f32,
+    ior: f32,
+    thin_walled: bool,
+    hemisphere: Hemisphere,
+}
+
+impl Core {
+    fn of(bsdf: &Bsdf) -> Self {
+        let &Bsdf { base_color, metallic, specular, transmission, ior, thin_walled, hemisphere, .. } = bsdf;
+        let diffuse = bsdf.diffuse_color();
+        Self { base_color, diffuse, metallic, specular, transmission, ior, thin_walled, hemisphere }
+    }
+}
+
 /// A BSDF with a fixed outgoing direction.
-pub(super) struct Boundary<'a> {
-    bsdf: &'a Bsdf,
+pub(crate) struct Boundary<'a> {
+    bsdf: Core,
     outgoing: Vec3,
     is_inside: bool,
     /// Index of refraction of the far side over that of the side of `outgoing`.
     eta: f32,
     /// `None` for a perfect mirror.
     facets: Option<Ggx>,
-    /// Whether light that the microfacets lose is given back, see `energy`.
-    compensates: bool,
+    /// Gives back light that the microfacets lose.
+    energy: Option<Energy>,
     /// What a metal reflects is multiplied by 1 plus this times its base color.
     metal_gain: f32,
     /// Factor of what is transmitted.
@@ -35,8 +58,10 @@ pub(super) struct Boundary<'a> {
     diffuse_probability: f32,
     /// Lobes that change the reflection, if any.
     lobes: Option<&'a Lobes>,
-    /// The roughness whose losses are given back.
-    roughness: f32,
+    /// Part of the light that the coat passes to the base on the way from `outgoing`.
+    passed: f32,
+    /// Mean of that part over the hemisphere.
+    mean_passed: f32,
 }
 
 /// Reflection and transmission of a microfacet.
@@ -73,45 +98,50 @@ impl Scatterer for Boundary<'_> {
 }
 
 impl<'a> Boundary<'a> {
-    pub(super) fn new(bsdf: &'a Bsdf, outgoing: Vec3) -> Self {
+    /// `lobes` are those of the BSDF.
+    pub(super) fn new(bsdf: &Bsdf, lobes: Option<&'a Lobes>, outgoing: Vec3) -> Self {
         let is_inside = bsdf.is_inside && bsdf.transmission > 0.0 && !bsdf.thin_walled;
         let eta = if is_inside { 1.0 / bsdf.ior } else { bsdf.ior };
         let mut facets = Ggx::of_roughness(bsdf.roughness);
         let mut roughness = bsdf.roughness;
-        if let Some(lobes) = bsdf.lobes.as_ref().filter(|lobes| lobes.anisotropy > 0.0) {
+        if let Some(lobes) = lobes.filter(|lobes| lobes.anisotropy > 0.0) {
             facets = Ggx::stretched(bsdf.roughness, lobes.anisotropy);
             roughness = facets.map_or(roughness, |facets| facets.effective_roughness(outgoing));
         }
-        let lobes = bsdf.lobes.as_ref().filter(|lobes| lobes.is_colored() && !is_inside);
         let mut boundary = Self {
-            bsdf,
+            bsdf: Core::of(bsdf),
             outgoing,
             is_inside,
             eta,
             facets,
-            compensates: bsdf.is_compensated && facets.is_some(),
+            energy: (bsdf.is_compensated && facets.is_some()).then(|| Energy::new(roughness)),
             metal_gain: 0.0,
             transmission_gain: 1.0,
             reflection_gain: 1.0,
             diffuse_probability: 0.0,
-            lobes,
-            roughness,
+            lobes: lobes.filter(|lobes| lobes.is_colored() && !is_inside),
+            passed: 1.0,
+            mean_passed: 1.0,
         };
-        if boundary.compensates {
-            boundary.compensate();
+        if let Some(energy) = boundary.energy {
+            boundary.compensate(&energy, roughness);
+        }
+        if !is_inside && boundary.bsdf.diffuse != [0.0; 3] {
+            boundary.passed = 1.0 - boundary.coat_albedo(outgoing.z);
+            boundary.mean_passed = 1.0 - bsdf.specular * boundary.mean_reflectance();
         }
         boundary.diffuse_probability = boundary.base_probability();
         boundary
     }
 
     /// Sets the gains that give back what a rough boundary loses.
-    fn compensate(&mut self) {
+    fn compensate(&mut self, energy: &Energy, roughness: f32) {
         /// Smaller transmittances count as this.
         const MIN_PASSED: f32 = 1e-3;
         /// Smaller albedos of glass count as this.
         const MIN_ALBEDO: f32 = 0.1;
-        let Bsdf { metallic, thin_walled, transmission, ior, specular, .. } = *self.bsdf;
-        let (roughness, cosine) = (self.roughness, self.outgoing.z);
+        let Core { metallic, thin_walled, transmission, ior, specular, .. } = self.bsdf;
+        let cosine = self.outgoing.z;
         if transmission > 0.0 && !thin_walled && self.refracts() {
             let albedo = glass::albedo(cosine, roughness, ior, self.is_inside, specular);
             self.transmission_gain = 1.0 / albedo.max(MIN_ALBEDO);
@@ -124,12 +154,12 @@ impl<'a> Boundary<'a> {
         }
         let albedo = match self.facets.filter(|facets| !facets.is_isotropic()) {
             Some(facets) => facets.albedo(self.outgoing).max(MIN_PASSED),
-            None => facet_albedo(cosine, roughness),
+            None => energy.albedo(cosine),
         };
         self.metal_gain = (1.0 - albedo) / albedo;
         if thin_walled {
             // Facets mirror what a thin wall transmits, so that it loses as much as reflected light.
-            let coat = self.coat(effective_cosine(cosine, roughness));
+            let coat = self.coat(energy.effective_cosine(cosine));
             self.transmission_gain = (1.0 - albedo * coat) / (albedo * (1.0 - coat).max(MIN_PASSED));
         }
     }
@@ -252,7 +282,7 @@ impl<'a> Boundary<'a> {
     }
 
     fn facet(&self, cosine: f32) -> Facet {
-        let Bsdf { base_color, metallic, transmission, .. } = *self.bsdf;
+        let Core { base_color, metallic, transmission, .. } = self.bsdf;
         // Rounding may exceed the range slightly.
         let cosine = cosine.clamp(0.0, 1.0);
         let coat = self.coat(cosine);
@@ -273,7 +303,7 @@ impl<'a> Boundary<'a> {
 
     /// Reflectance of a facet with a colored or iridescent reflection.
     fn colored(&self, lobes: &Lobes, cosine: f32) -> [f32; 3] {
-        let Bsdf { base_color, metallic, .. } = *self.bsdf;
+        let Core { base_color, metallic, .. } = self.bsdf;
         let gained = |c: f32| 1.0 + c * self.metal_gain;
         let metal = lobes.film(cosine, base_color, base_color.map(|c| schlick(cosine, c)));
         let coat = self.coat_colors(lobes, cosine);
@@ -289,36 +319,33 @@ impl<'a> Boundary<'a> {
 
     /// Albedo of the diffuse base below the coat, at an incident cosine; from inside there is no coat in front of it.
     fn base(&self, incident: f32) -> [f32; 3] {
-        let color = self.bsdf.diffuse_color();
+        let color = self.bsdf.diffuse;
         if self.is_inside || color == [0.0; 3] {
             return color;
         }
         if self.lobes.is_some() {
             // There is no mean for any color: the base gets what the coat does not reflect to the viewer.
-            let passed = 1.0 - self.coat_albedo(self.outgoing.z);
-            return color.map(|c| c * passed);
+            return color.map(|c| c * self.passed);
         }
-        let transmittance = (1.0 - self.coat_albedo(self.outgoing.z)) * (1.0 - self.coat_albedo(incident));
-        let mean = 1.0 - self.bsdf.specular * self.mean_reflectance();
-        color.map(|c| c * transmittance / mean)
+        let transmittance = self.passed * (1.0 - self.coat_albedo(incident));
+        color.map(|c| c * transmittance / self.mean_passed)
     }
 
     /// Part of the light from a direction that the coat as a whole reflects.
     pub(super) fn coat_albedo(&self, cosine: f32) -> f32 {
-        if !self.compensates {
-            return self.coat(cosine);
-        }
-        let roughness = self.roughness;
+        let Some(energy) = &self.energy else { return self.coat(cosine) };
+        let [of_facets, effective] = energy.both(cosine);
+        let coat = self.coat(effective);
         if self.lobes.is_some() {
-            let coat = self.coat(effective_cosine(cosine, roughness));
-            return (facet_albedo(cosine, roughness) * coat * (1.0 + coat * self.metal_gain)).min(1.0);
+            (of_facets * coat * (1.0 + coat * self.metal_gain)).min(1.0)
+        } else {
+            of_facets * coat
         }
-        facet_albedo(cosine, roughness) * self.coat(effective_cosine(cosine, roughness))
     }
 
     /// Mean of the reflectance of the coat over the hemisphere, for `specular` 1.
     fn mean_reflectance(&self) -> f32 {
-        if self.compensates { mean_coat(self.roughness, self.eta) } else { mean_fresnel_below(self.eta) }
+        self.energy.map_or_else(|| mean_fresnel_below(self.eta), |energy| energy.mean_coat(self.eta))
     }
 
     /// Reflectance of the dielectric coat, the largest of all channels. Total internal reflection does not depend on `specular`.
@@ -333,87 +360,11 @@ impl<'a> Boundary<'a> {
     ///
     /// Lobes are sampled about in proportion to their energy, so that no sample has a weight far above 1.
     fn base_probability(&self) -> f32 {
-        let color = mean(self.bsdf.diffuse_color());
-        let transmittance = if self.is_inside || color == 0.0 { 1.0 } else { 1.0 - self.coat_albedo(self.outgoing.z) };
-        let base = color * transmittance;
+        let color = mean(self.bsdf.diffuse);
+        let base = color * self.passed;
         let facet = self.facet(self.outgoing.z);
         let coat = mean(facet.reflected) + mean(facet.transmitted);
         // A black metal still reflects at grazing angles.
         if base > 0.0 { base / (base + coat) } else { 0.0 }
     }
-}
-
-// What rough boundaries lose by multiple scattering, and what gives it back.
-//
-// A microfacet model follows light to one facet. What the next facet blocks is lost: of a white metal with roughness 1, half to
-// two thirds. Let `E(μ, r)` be the albedo of white facets at the cosine `μ` and the roughness `r`.
-//
-// * **Metal** (Turquin 2019, *Practical multiple scattering compensation for microfacet models*): its reflection is multiplied by
-//   `1 + c·(1 - E)/E` with the base color `c`, so that white metal reflects everything. The shape of the lobe is kept.
-// * **Coat** over a diffuse base: it reflects `R(μ) = E(μ, r)·F(μ')`, where `F` is Fresnel's reflectance and `μ'` the mean
-//   cosine between light and facets. The base gets what the coat does not reflect, `(1 - R(μo))·(1 - R(μi)) / (1 - R̄)`
-//   (Kelemen and Szirmay-Kalos 2001), in place of the reflectances of a smooth coat.
-// * **Thin walls** transmit what they do not reflect.
-// * **Rough glass** that refracts: reflection and refraction are divided by their sum for white glass, as a function of the direction to the
-//   viewer, the roughness, the index of refraction and the side (`glass`).
-//
-// The factors of metal, thin walls and glass depend on the direction to the viewer only, so these lobes are not reciprocal.
-//
-// # Fits
-//
-// `E`, `μ'` and `R̄` are polynomials, fitted to means over 96 x 96 visible normals at roughness 1/32 to 1. `E` is within 0.6 % of
-// them at all cosines, `R` within 0.015 for indices of refraction from 1.35 to 2. The variable of the cosine is the root of
-// `μ(1 + α)/(μ + α)`, which resolves grazing angles, where the albedo of narrow lobes changes fastest.
-//
-// `shared/bsdf.wgsl` has the same coefficients.
-
-/// Coefficients of [`facet_albedo`]: a row for each power of `s`, a column for each power of the roughness.
-const ALBEDO: [[f32; 5]; 7] = [
-    [0.99442667, -0.0046965606, 0.041189846, -0.09276388, 0.06731132],
-    [0.3289856, 1.2405112, -5.7699223, 9.250136, -5.371819],
-    [-4.063187, -21.58304, 96.69958, -139.5704, 68.386375],
-    [17.811588, 113.0354, -503.92072, 678.4959, -308.38388],
-    [-38.811775, -248.2274, 1138.2389, -1499.6288, 654.9688],
-    [38.815273, 242.16681, -1155.6523, 1522.6134, -653.48334],
-    [-14.06146, -87.00478, 432.94437, -577.06775, 246.90771],
-];
-
-/// Coefficients of [`effective_cosine`], likewise.
-const COSINE: [[f32; 5]; 5] = [
-    [4.7165737, -18.228926, 36.795284, -35.958527, 13.18787],
-    [0.17437683, -1.5628386, 4.650756, -5.6139894, 2.3578134],
-    [-4.4519277, 26.359417, -66.78361, 72.839836, -27.975342],
-    [5.701652, -49.421364, 147.20836, -176.556, 72.33108],
-    [-6.960863, 47.86098, -134.71822, 160.38995, -66.25904],
-];
-
-/// Coefficients of [`mean_coat`]: rows for the roughness, columns for `(eta - 1) / (eta + 1)`.
-const MEAN: [[f32; 3]; 3] =
-    [[1.3273436, -1.2267793, 1.2081856], [-1.7918327, 5.616328, -4.4670687], [0.44777808, -3.2862773, 2.5457828]];
-
-/// Albedo of white facets with single scattering, at a cosine and a roughness in 0..=1.
-fn facet_albedo(cosine: f32, roughness: f32) -> f32 {
-    polynomial(&ALBEDO, variable(cosine, roughness), roughness).clamp(0.2, 1.0)
-}
-
-/// The cosine at which Fresnel's reflectance is the mean over the facets that reflect light to a direction.
-fn effective_cosine(cosine: f32, roughness: f32) -> f32 {
-    let shift = polynomial(&COSINE, variable(cosine, roughness), roughness);
-    (cosine + roughness * roughness * shift).clamp(0.0, 1.0)
-}
-
-/// Cosine-weighted mean over the hemisphere of what a rough coat reflects; constant for `eta` above 4, as that of a smooth coat.
-fn mean_coat(roughness: f32, eta: f32) -> f32 {
-    let eta = eta.clamp(1.0, 4.0);
-    polynomial(&MEAN, roughness, (eta - 1.0) / (eta + 1.0)) * (eta - 1.0) / (eta + 4.25)
-}
-
-fn variable(cosine: f32, roughness: f32) -> f32 {
-    let alpha = roughness * roughness;
-    (cosine * (1.0 + alpha) / (cosine + alpha)).sqrt()
-}
-
-fn polynomial<const N: usize, const M: usize>(coefficients: &[[f32; M]; N], x: f32, y: f32) -> f32 {
-    let horner = |row: &[f32; M]| row.iter().rev().fold(0.0, |sum, c| sum * y + c);
-    coefficients.iter().rev().fold(0.0, |sum, row| sum * x + horner(row))
 }

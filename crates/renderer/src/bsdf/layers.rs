@@ -11,7 +11,7 @@ use super::microfacet::{mean, unit};
 use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 
 /// Layers seen from one direction.
-pub(super) struct Layers<'a> {
+pub(crate) struct Layers<'a> {
     base: Boundary<'a>,
     coat: Option<Boundary<'a>>,
     fibers: Fibers,
@@ -25,7 +25,7 @@ pub(super) struct Layers<'a> {
 }
 
 /// The coat as a BSDF of its own: a reflection over black.
-pub(super) fn coat_of(bsdf: &Bsdf, lobes: &Lobes) -> Bsdf {
+fn coat_of(bsdf: &Bsdf, lobes: &Lobes) -> Bsdf {
     Bsdf {
         roughness: lobes.clearcoat_roughness,
         specular: lobes.clearcoat,
@@ -36,8 +36,8 @@ pub(super) fn coat_of(bsdf: &Bsdf, lobes: &Lobes) -> Bsdf {
 }
 
 impl<'a> Layers<'a> {
-    /// `coat` is [`coat_of`] the BSDF.
-    pub(super) fn new(bsdf: &'a Bsdf, coat: &'a Bsdf, lobes: &Lobes, outgoing: Vec3) -> Self {
+    /// `lobes` are those of the BSDF.
+    pub(super) fn new(bsdf: &Bsdf, lobes: &'a Lobes, outgoing: Vec3) -> Self {
         /// Dark bases still reflect at grazing angles.
         const MIN_ALBEDO: f32 = 0.1;
         let fibers = Fibers::new(lobes.sheen_roughness);
@@ -47,8 +47,8 @@ impl<'a> Layers<'a> {
         let sheen = lobes.sheen_color.map(|c| c * scale);
         // Not above 1 by rounding.
         let of_fibers = (strongest * scale * albedo).min(1.0);
-        let base = Boundary::new(bsdf, outgoing);
-        let coat = (lobes.clearcoat > 0.0).then(|| Boundary::new(coat, outgoing));
+        let base = Boundary::new(bsdf, Some(lobes), outgoing);
+        let coat = (lobes.clearcoat > 0.0).then(|| Boundary::new(&coat_of(bsdf, lobes), None, outgoing));
         let of_coat = coat.as_ref().map_or(0.0, |coat| coat.coat_albedo(outgoing.z));
         let passed = [1.0 - of_fibers, (1.0 - of_fibers) * (1.0 - of_coat)];
         let shares = [of_fibers, passed[0] * of_coat, passed[1] * mean(bsdf.albedo()).max(MIN_ALBEDO)];

@@ -21,7 +21,7 @@
 //! * Seen from inside, the diffuse part of a partly transmissive boundary has no coat: `(1 - transmission)` Lambert and
 //!   `transmission` glass. Total internal reflection would otherwise count the energy of the base twice.
 //! * Microfacets lose the light that they scatter more than once: a rough white metal reflects a third of it. With
-//!   [`Bsdf::is_compensated`] it is given back (see `boundary`); without, the BSDF is that of single scattering.
+//!   [`Bsdf::is_compensated`] it is given back (see `energy`); without, the BSDF is that of single scattering.
 //!
 //! # Radiance
 //!
@@ -30,6 +30,7 @@
 //! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
+mod energy;
 pub(crate) mod glass;
 mod hair;
 mod layers;
@@ -124,22 +125,7 @@ impl Bsdf {
     /// Zero if `outgoing` is below the horizon, or either direction is at the horizon.
     #[must_use]
     pub fn evaluate(&self, outgoing: [f32; 3], incident: [f32; 3]) -> Evaluation {
-        if outgoing[2] < MIN_COSINE || incident[2].abs() < MIN_COSINE {
-            return Evaluation::default();
-        }
-        if let Some(hair) = &self.hair {
-            let turn = Turn(hair.direction);
-            return hair.evaluate(turn.to(outgoing).into(), turn.to(incident).into());
-        }
-        if self.is_lambert() {
-            let lambert = cosine_density(incident[2]);
-            let density = self.hemisphere.density(incident[2]);
-            return Evaluation { value: self.base_color.map(|c| c * lambert), density };
-        }
-        match &self.lobes {
-            None => Boundary::new(self, outgoing.into()).evaluate(incident.into()),
-            Some(lobes) => self.with_lobes(lobes, outgoing, |scatterer, turn| scatterer.evaluate(turn.to(incident))),
-        }
+        self.seen_from(outgoing).evaluate(incident)
     }
 
     /// Samples an incident direction, from a point of the unit square and a number in `[0, 1)` that chooses a lobe.
@@ -147,38 +133,32 @@ impl Bsdf {
     /// `None` if no light is scattered: `outgoing` is not above the horizon, or the light is lost between microfacets.
     #[must_use]
     pub fn sample(&self, outgoing: [f32; 3], square: [f32; 2], choice: f32) -> Option<BsdfSample> {
+        self.seen_from(outgoing).sample(square, choice)
+    }
+
+    /// The BSDF for one outgoing direction.
+    #[must_use]
+    pub(crate) fn seen_from(&self, outgoing: [f32; 3]) -> SeenBsdf<'_> {
         if outgoing[2] < MIN_COSINE {
-            return None;
+            return SeenBsdf::Nothing;
         }
         if let Some(hair) = &self.hair {
             let turn = Turn(hair.direction);
-            let sample = hair.sample(turn.to(outgoing).into(), square, choice)?;
-            return Some(BsdfSample { incident: turn.back(sample.incident), ..sample });
+            return SeenBsdf::Hair(hair, turn, turn.to(outgoing).into());
         }
         if self.is_lambert() {
-            let incident = self.hemisphere.direction(square);
-            let density = self.hemisphere.density(incident[2]);
-            let weight = self.base_color.map(|c| c * self.hemisphere.weight(incident[2]));
-            return Some(BsdfSample { incident, weight, density, is_delta: false, is_transmitted: false });
+            return SeenBsdf::Lambert(self);
         }
-        match &self.lobes {
-            None => Boundary::new(self, outgoing.into()).sampled(square, choice),
-            Some(lobes) => self.with_lobes(lobes, outgoing, |scatterer, turn| {
-                let sample = scatterer.sampled(square, choice)?;
-                Some(BsdfSample { incident: turn.back(sample.incident), ..sample })
-            }),
-        }
-    }
-
-    /// Calls `then` with the layers, or with the base alone, in a frame whose x axis is the direction of anisotropy.
-    fn with_lobes<R>(&self, lobes: &Lobes, outgoing: [f32; 3], then: impl FnOnce(&dyn Scatterer, Turn) -> R) -> R {
-        let turn = Turn(if lobes.anisotropy > 0.0 { lobes.direction } else { [1.0, 0.0] });
+        let Some(lobes) = &self.lobes else {
+            return SeenBsdf::Boundary(Boundary::new(self, None, outgoing.into()), Turn::NONE);
+        };
+        let turn = if lobes.anisotropy > 0.0 { Turn(lobes.direction) } else { Turn::NONE };
         let outgoing = turn.to(outgoing);
         // From inside a solid, layers are not seen.
         if !lobes.is_layered() || self.is_inside {
-            return then(&Boundary::new(self, outgoing), turn);
+            return SeenBsdf::Boundary(Boundary::new(self, Some(lobes), outgoing), turn);
         }
-        then(&Layers::new(self, &layers::coat_of(self, lobes), lobes, outgoing), turn)
+        SeenBsdf::Layers(Box::new(Layers::new(self, lobes, outgoing)), turn)
     }
 
     /// Whether [`Self::evaluate`] is zero everywhere, so that light sampling is not needed.
@@ -239,6 +219,53 @@ impl Bsdf {
 /// Smaller cosines count as the horizon: quotients of larger ones never overflow.
 const MIN_COSINE: f32 = f32::MIN_POSITIVE;
 
+/// A [`Bsdf`] for one outgoing direction: what depends on that direction alone is computed once.
+pub(crate) enum SeenBsdf<'a> {
+    Nothing,
+    Lambert(&'a Bsdf),
+    Boundary(Boundary<'a>, Turn),
+    Layers(Box<Layers<'a>>, Turn),
+    /// With the outgoing direction in the frame of the hair.
+    Hair(&'a Hair, Turn, [f32; 3]),
+}
+
+impl SeenBsdf<'_> {
+    /// [`Bsdf::evaluate`].
+    pub(crate) fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
+        if incident[2].abs() < MIN_COSINE {
+            return Evaluation::default();
+        }
+        match self {
+            Self::Nothing => Evaluation::default(),
+            Self::Lambert(bsdf) => {
+                let lambert = cosine_density(incident[2]);
+                let density = bsdf.hemisphere.density(incident[2]);
+                Evaluation { value: bsdf.base_color.map(|c| c * lambert), density }
+            }
+            Self::Boundary(boundary, turn) => boundary.evaluate(turn.to(incident)),
+            Self::Layers(layers, turn) => layers.evaluate(turn.to(incident)),
+            Self::Hair(hair, turn, outgoing) => hair.evaluate(*outgoing, turn.to(incident).into()),
+        }
+    }
+
+    /// [`Bsdf::sample`].
+    pub(crate) fn sample(&self, square: [f32; 2], choice: f32) -> Option<BsdfSample> {
+        let (sample, turn) = match self {
+            Self::Nothing => return None,
+            Self::Lambert(Bsdf { hemisphere, base_color, .. }) => {
+                let incident = hemisphere.direction(square);
+                let density = hemisphere.density(incident[2]);
+                let weight = base_color.map(|c| c * hemisphere.weight(incident[2]));
+                return Some(BsdfSample { incident, weight, density, is_delta: false, is_transmitted: false });
+            }
+            Self::Boundary(boundary, turn) => (boundary.sampled(square, choice)?, turn),
+            Self::Layers(layers, turn) => (layers.sampled(square, choice)?, turn),
+            Self::Hair(hair, turn, outgoing) => (hair.sample(*outgoing, square, choice)?, turn),
+        };
+        Some(BsdfSample { incident: turn.back(sample.incident), ..sample })
+    }
+}
+
 /// What scatters light from one direction.
 trait Scatterer {
     fn evaluate(&self, incident: Vec3) -> Evaluation;
@@ -263,9 +290,11 @@ trait Scatterer {
 
 /// A rotation about the normal, to a frame whose x axis is this unit vector.
 #[derive(Clone, Copy)]
-struct Turn([f32; 2]);
+pub(crate) struct Turn([f32; 2]);
 
 impl Turn {
+    const NONE: Self = Self([1.0, 0.0]);
+
     fn to(self, [x, y, z]: [f32; 3]) -> Vec3 {
         let Self([c, s]) = self;
         Vec3::new(c * x + s * y, c * y - s * x, z)

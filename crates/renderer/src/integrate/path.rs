@@ -15,7 +15,7 @@ use canted_trace::Ray;
 use glam::{DVec3, Vec3};
 
 use super::{Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
-use crate::bsdf::{Bsdf, Evaluation};
+use crate::bsdf::{Bsdf, Evaluation, SeenBsdf};
 use crate::light::{LightId, LightSampler};
 use crate::render::Times;
 use crate::sampler::{RememberingSampler, SampleNumbers};
@@ -120,18 +120,18 @@ impl Vertex {
         self.bsdf().transmission > 0.0 || self.bsdf().hair.is_some()
     }
 
-    /// Evaluates the BSDF for a world-space direction and for the direction folded onto it.
-    fn evaluate(&self, to_light: [f32; 3]) -> Evaluation {
+    /// Evaluates the BSDF, seen from the viewer, for a world-space direction and for the direction folded onto it.
+    fn evaluate(&self, bsdf: &SeenBsdf, to_light: [f32; 3]) -> Evaluation {
         let incident = self.basis.coordinates(to_light);
         if !self.is_perturbed {
-            return self.bsdf().evaluate(self.outgoing, incident);
+            return bsdf.evaluate(incident);
         }
         let height = self.height(to_light);
         let folded = self.basis.coordinates(self.mirrored(to_light));
         let mut total = Evaluation::default();
         // A direction is kept if horizon and frame agree on its side, else it is folded.
         for local in [incident, folded].into_iter().filter(|local| f64::from(local[2]) * height > 0.0) {
-            let Evaluation { value, density } = self.bsdf().evaluate(self.outgoing, local);
+            let Evaluation { value, density } = bsdf.evaluate(local);
             total.value = (Vec3::from(total.value) + Vec3::from(value)).into();
             total.density += density;
         }
@@ -209,17 +209,18 @@ impl Transport<'_> {
         }
         let mut numbers = sampler.of(start.pixel, start.sample);
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
+        let bsdf = vertex.bsdf().seen_from(vertex.outgoing);
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);
             // The shadow ray does not have the number of the ray that leaves the vertex.
-            match self.sample_light(&mut numbers, accumulated, lights, vertex, n) {
+            match self.sample_light(&mut numbers, accumulated, lights, vertex, &bsdf, n) {
                 Some((Some(ray), to, light)) => shadow_rays.add(ray, to, shadows.keyed(0), light),
                 Some((None, _, light)) => direct.sum = light,
                 None => {}
             }
             direct.throughput = Vec3::ONE;
         }
-        let Some(next) = self.scatter(&mut numbers, accumulated, compression, vertex, n) else { return false };
+        let Some(next) = self.scatter(&mut numbers, accumulated, compression, vertex, &bsdf, n) else { return false };
         (*ray, *density) = next;
         *cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
         true
@@ -232,6 +233,7 @@ impl Transport<'_> {
         accumulated: &PathRadiance,
         lights: &LightSampler,
         vertex: &Vertex,
+        bsdf: &SeenBsdf,
         n: u32,
     ) -> Option<(Option<Ray>, LightId, Vec3)> {
         let choice = if lights.has_choice() { numbers.single(Dimension::LightChoice.at(n)) } else { 0.0 };
@@ -241,7 +243,7 @@ impl Transport<'_> {
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
             return None;
         }
-        let Evaluation { value, density } = vertex.evaluate(light.to_light);
+        let Evaluation { value, density } = vertex.evaluate(bsdf, light.to_light);
         if value == [0.0; 3] {
             return None;
         }
@@ -258,16 +260,16 @@ impl Transport<'_> {
         accumulated: &mut PathRadiance,
         compression: &mut f32,
         vertex: &Vertex,
+        bsdf: &SeenBsdf,
         n: u32,
     ) -> Option<(Ray, Option<f32>)> {
-        let choice = || numbers.single(Dimension::Roulette.at(n));
-        if !survives(accumulated, *compression, n, choice) {
+        if !survives(accumulated, *compression, n, || numbers.single(Dimension::Roulette.at(n))) {
             return None;
         }
         let square = numbers.pair(Dimension::Scattering.at(n));
         let is_lambert = vertex.bsdf().is_lambert();
         let choice = if is_lambert { 0.0 } else { numbers.single(Dimension::ScatteringChoice.at(n)) };
-        let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
+        let scattered = bsdf.sample(square, choice)?;
         let direction = vertex.direction(scattered.incident);
         accumulated.throughput *= Vec3::from(scattered.weight);
         accumulated.count_scattering(scattered.is_delta);
@@ -277,7 +279,8 @@ impl Transport<'_> {
         let is_lit = accumulated.throughput.cmpgt(Vec3::ZERO).any();
         is_lit.then(|| {
             // The PDF includes that of the direction folded onto this one.
-            let density = if vertex.is_perturbed { vertex.evaluate(direction).density } else { scattered.density };
+            let density =
+                if vertex.is_perturbed { vertex.evaluate(bsdf, direction).density } else { scattered.density };
             (vertex.surface.spawn_ray(direction), (!scattered.is_delta).then_some(density))
         })
     }

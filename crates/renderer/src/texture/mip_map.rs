@@ -226,8 +226,8 @@ impl MipMap<'_> {
     #[inline]
     fn bilinear<const N: usize>(&self, level: usize, uv: [f64; 2], decoded: impl Fn([u8; 4]) -> [f32; N]) -> [f32; N] {
         let (texels, [x, y]) = self.texels_around(level, uv);
-        let [above, below] = texels.map(|[left, right]| blend(decoded(*left), decoded(*right), x));
-        blend(above, below, y)
+        let in_row = |[left, right]: [&[u8; 4]; 2]| blend(decoded(*left), decoded(*right), x);
+        blend(in_row(texels[0]), in_row(texels[1]), y)
     }
 
     /// The texels of a mip level around a point, and the weights of the second column and the second row.
@@ -241,13 +241,19 @@ impl MipMap<'_> {
             Magnification::Nearest if level == 0 => [x, y].map(|weight| if weight < 0.5 { 0.0 } else { 1.0 }),
             _ => [x, y],
         };
-        (rows.map(|j| columns.map(|i| &texels[j * width as usize + i])), weights)
+        let texel = |row: usize, column: usize| &texels[rows[row] * width as usize + columns[column]];
+        ([[texel(0, 0), texel(0, 1)], [texel(1, 0), texel(1, 1)]], weights)
     }
 }
 
 /// Linear interpolation that never leaves the range of its ends.
+#[inline]
 fn blend<const N: usize>(a: [f32; N], b: [f32; N], weight: f32) -> [f32; N] {
-    std::array::from_fn(|k| a[k] + weight * (b[k] - a[k]))
+    let mut blended = a;
+    for k in 0..N {
+        blended[k] += weight * (b[k] - a[k]);
+    }
+    blended
 }
 
 /// The two texels around a coordinate along one axis, and the weight of the second.
