@@ -73,7 +73,9 @@ pub(crate) fn stage(
         return Ok((build(scene)?, None));
     }
     let subject = Subject::new(scene, plan.up());
-    if may_have_ground(scene, plan, source, &subject, is_wide(plan, &subject)) {
+    // A camera inside the scene probably shows a room, and to remove the ground again is to build again.
+    let is_room = plan.stage.ground.is_none() && scene.cameras.iter().any(|camera| subject.is_within(camera.eye));
+    if !is_room && may_have_ground(scene, plan, source, &subject, is_wide(plan, &subject)) {
         ground::add(scene, &subject, plan.up());
     }
     let bvh = build(scene)?;

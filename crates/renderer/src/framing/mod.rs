@@ -96,6 +96,13 @@ impl Subject {
         self.turn.to_local(wide(point)).y - f64::from(self.bounds.min[1])
     }
 
+    /// Whether a point in world space is inside the box of the whole scene.
+    #[must_use]
+    pub fn is_within(&self, point: [f32; 3]) -> bool {
+        let local: [f32; 3] = narrow(self.turn.to_local(wide(point)));
+        (0..3).all(|k| self.whole.min[k] < local[k] && local[k] < self.whole.max[k])
+    }
+
     /// Whether the subject is flat and upright.
     #[must_use]
     pub fn is_chart(&self) -> bool {
