@@ -291,8 +291,12 @@ impl<'a> Boundary<'a> {
             None => {
                 let of_side = if self.is_inside { transmission } else { 1.0 };
                 let coat_reflectance = (1.0 - metallic) * coat * of_side * self.reflection_gain;
-                let metal = |c| metallic * schlick(cosine, c) * (1.0 + c * self.metal_gain);
-                base_color.map(|c| metal(c) + coat_reflectance)
+                if metallic == 0.0 {
+                    [coat_reflectance; 3]
+                } else {
+                    let metal = |c| metallic * schlick(cosine, c) * (1.0 + c * self.metal_gain);
+                    base_color.map(|c| metal(c) + coat_reflectance)
+                }
             }
         };
         let through = (1.0 - metallic) * transmission * (1.0 - coat) * self.transmission_gain;

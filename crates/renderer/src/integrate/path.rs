@@ -16,7 +16,7 @@ use glam::{DVec3, Vec3};
 
 use super::{Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
 use crate::bsdf::{Bsdf, Evaluation, SeenBsdf};
-use crate::light::{LightId, LightSampler};
+use crate::light::{LightId, LightSampler, LitPoint};
 use crate::render::Times;
 use crate::sampler::{RememberingSampler, SampleNumbers};
 use crate::sampling::Basis;
@@ -43,7 +43,7 @@ impl Dimension {
 /// The state between two vertices.
 struct PathState {
     /// The previous vertex.
-    vertex: Option<Vertex>,
+    vertex: Option<LitPoint>,
     /// PDF of the ray's direction; `None` without MIS (camera ray or delta lobe).
     density: Option<f32>,
     /// The scale of radiance by refraction that the throughput contains, see [`Bsdf::compression`].
@@ -186,9 +186,10 @@ impl Transport<'_> {
         } = path;
         // The MIS weight of light found by BSDF sampling.
         let mis_weight = |light: LightId| {
-            previous.as_ref().zip(*density).map_or(1.0, |(vertex, density)| {
-                weight(density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, light))
-            })
+            previous
+                .as_ref()
+                .zip(*density)
+                .map_or(1.0, |(vertex, density)| weight(density, lights.density_at(vertex, ray.direction, light)))
         };
         if let Some(light) = lights.lights().intersect_nth(n, ray, hit.as_ref()) {
             accumulated.add(n, light.radiance, mis_weight(light.light));
@@ -208,7 +209,8 @@ impl Transport<'_> {
             accumulated.add(n, surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
         let mut numbers = sampler.of(start.pixel, start.sample);
-        let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
+        let vertex = &Vertex::new(surface, ray.direction, self);
+        *previous = Some(LitPoint::of(&vertex.surface, vertex.transmits()));
         let bsdf = vertex.bsdf().seen_from(vertex.outgoing);
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);

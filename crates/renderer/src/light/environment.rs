@@ -63,10 +63,10 @@ impl<'a> Sky<'a> {
     }
 
     /// PDF of [`Sky::sample`] per steradian.
-    pub(super) fn density(sampler: Option<&SkySampler>, from: &Surface, direction: DVec3) -> f64 {
+    pub(super) fn density(sampler: Option<&SkySampler>, shading_normal: DVec3, direction: DVec3) -> f64 {
         match sampler {
             Some(sampler) => sampler.density(direction),
-            None => DVec3::from(from.shading_normal).dot(direction).max(0.0) / PI,
+            None => shading_normal.dot(direction).max(0.0) / PI,
         }
     }
 

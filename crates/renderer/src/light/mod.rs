@@ -37,6 +37,7 @@ use crate::{Surface, narrow, wide};
 use environment::Sky;
 #[cfg(feature = "gpu")]
 pub(crate) use sampler::Choice;
+pub(crate) use sampler::LitPoint;
 pub use sampler::{LightSample, LightSampler};
 use tree::Cluster;
 

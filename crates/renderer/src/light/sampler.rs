@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use canted_scene::Scene;
 use canted_trace::Ray;
+use glam::DVec3;
 
 use super::environment::{Sky, SkySampler};
 use super::tree::{Receiver, Tree};
@@ -108,7 +109,8 @@ impl<'a> LightSampler<'a> {
         let (kind, kind_probability, choice) = self.choose(choice.into())?;
         let (incoming, probability, light) = match kind {
             Choice::Tree => {
-                let (number, probability) = self.tree.as_ref()?.choose(&receiver(from, transmits), choice)?;
+                let (number, probability) =
+                    self.tree.as_ref()?.choose(&LitPoint::of(from, transmits).receiver, choice)?;
                 let (incoming, light) = self.local(number, from, square)?;
                 (incoming, kind_probability * probability, light)
             }
@@ -133,26 +135,32 @@ impl<'a> LightSampler<'a> {
     /// PDF per steradian of [`Self::sample`] for a unit direction from `from` that hits `light`.
     #[must_use]
     pub fn density(&self, from: &Surface, transmits: bool, to_light: [f32; 3], light: LightId) -> f32 {
+        self.density_at(&LitPoint::of(from, transmits), to_light, light)
+    }
+
+    /// [`Self::density`] at a point.
+    pub(crate) fn density_at(&self, from: &LitPoint, to_light: [f32; 3], light: LightId) -> f32 {
+        let LitPoint { receiver, shading_normal } = from;
         let direction = wide(to_light);
         let (number, density) = match light {
             LightId::Environment => {
-                let density = Sky::density(self.sky.as_ref(), from, direction);
+                let density = Sky::density(self.sky.as_ref(), *shading_normal, direction);
                 return finite(self.kind_probability(Choice::Environment) * density);
             }
             LightId::Light(index) => {
                 let density = ask(&self.lights.list[index as usize], |kind| {
-                    kind.shape().map_or(0.0, |shape| shape.density(from.position.into(), direction))
+                    kind.shape().map_or(0.0, |shape| shape.density(receiver.position, direction))
                 });
                 (self.tree_lights[index as usize], density)
             }
             LightId::Triangle(instance, primitive) => {
                 let Some(emitter) = self.emitters.find(instance, primitive) else { return 0.0 };
                 let number = emitter as u32;
-                (Some(number), self.emitters.density(emitter, from, direction))
+                (Some(number), self.emitters.density(emitter, receiver.position, direction))
             }
         };
         let (Some(tree), Some(number)) = (&self.tree, number) else { return 0.0 };
-        finite(self.kind_probability(Choice::Tree) * tree.probability(number, &receiver(from, transmits)) * density)
+        finite(self.kind_probability(Choice::Tree) * tree.probability(number, receiver) * density)
     }
 
     /// Samples a light of the tree.
@@ -200,8 +208,20 @@ fn cross_section(scene: &Scene) -> f64 {
     if area > 0.0 && area.is_finite() { area } else { 1.0 }
 }
 
-fn receiver(from: &Surface, transmits: bool) -> Receiver {
-    Receiver { position: from.position.into(), normal: (!transmits).then(|| from.horizon().into()) }
+/// A point that receives light: what the PDF of a direction depends on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LitPoint {
+    receiver: Receiver,
+    shading_normal: DVec3,
+}
+
+impl LitPoint {
+    /// Of a surface; `transmits` as for [`LightSampler::sample`].
+    pub(crate) fn of(surface: &Surface, transmits: bool) -> Self {
+        let receiver =
+            Receiver { position: surface.position.into(), normal: (!transmits).then(|| surface.horizon().into()) };
+        Self { receiver, shading_normal: surface.shading_normal.into() }
+    }
 }
 
 /// Clamps a PDF to the range of `f32`.

@@ -105,9 +105,8 @@ impl<'a> Emitters<'a> {
     }
 
     /// PDF per steradian of [`Self::sample`] for a unit direction that hits the emitter.
-    pub(super) fn density(&self, number: usize, from: &Surface, direction: DVec3) -> f64 {
-        TriangleLight::new(self.list[number].corners)
-            .map_or(0.0, |triangle_light| triangle_light.density(from.position.into(), direction))
+    pub(super) fn density(&self, number: usize, from: DVec3, direction: DVec3) -> f64 {
+        TriangleLight::new(self.list[number].corners).map_or(0.0, |light| light.density(from, direction))
     }
 
     fn material(&self, instance: InstanceId, primitive: PrimId) -> &'a Material {
