@@ -48,6 +48,7 @@ mod scene_bvh;
 mod settings;
 mod surface;
 mod texture;
+mod times;
 mod update;
 mod update_policy;
 
@@ -72,13 +73,14 @@ pub use heatmap::{Heatmap, Measure, heatmap};
 
 pub use levels::{LevelChoice, LevelReason, PredictedCosts};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
-pub use render::{Monitor, RenderError, StageTimes, render, resume, resume_with};
+pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
 pub use sampling::Hemisphere;
 pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten, has_one_level};
 pub use settings::{Cull, FirstHit, Integrator, SampleSums, Settings};
 pub use surface::{CountedHitFilter, HitFilter, SmoothSurface, Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};
+pub use times::StageTimes;
 pub use update::{UpdateOptions, Updates};
 pub use update_policy::UpdatePolicy;
 

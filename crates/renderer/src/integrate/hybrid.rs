@@ -53,9 +53,9 @@ use glam::{DVec3, Vec3};
 
 use super::{INDIRECT, Path, PathRadiance, Sample, Seen, ShadowRays, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
-use crate::render::Times;
 use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
+use crate::times::Times;
 use crate::{Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.

@@ -4,7 +4,7 @@ use canted_trace::{Hit, Intersect, Ray};
 use glam::Vec3;
 
 use crate::light::{LightId, LightSampler, Lights};
-use crate::render::{Stage, Times};
+use crate::times::{Stage, Times};
 use crate::{Cone, Hemisphere, HitFilter, Sampler, Surface, Surfaces};
 
 mod hybrid;

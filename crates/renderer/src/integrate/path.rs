@@ -17,9 +17,9 @@ use glam::{DVec3, Vec3};
 use super::{Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
 use crate::bsdf::{Bsdf, Evaluation, SeenBsdf};
 use crate::light::{LightId, LightSampler, LitPoint};
-use crate::render::Times;
 use crate::sampler::{RememberingSampler, SampleNumbers};
 use crate::sampling::Basis;
+use crate::times::Times;
 use crate::{Surface, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.

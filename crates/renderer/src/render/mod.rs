@@ -1,7 +1,6 @@
 //! Samples of all pixels, tile by tile.
 
 mod tiles;
-mod times;
 
 use std::f64::consts::SQRT_2;
 use std::fmt;
@@ -14,13 +13,12 @@ use canted_scene::{Camera, Scene};
 use canted_trace::Intersect;
 
 use crate::integrate::{Method, Transport};
+use crate::times::StageTimes;
 use crate::{CameraError, HitFilter, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
 use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
 pub(crate) use tiles::Worker;
 pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
-pub use times::StageTimes;
-pub(crate) use times::{Stage, Times};
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
 #[derive(Clone, Copy)]

@@ -7,9 +7,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use canted_film::{Aov, CELL, Components, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
 use canted_trace::{Counts, Hit};
 
-use super::{Adaptive, Stage, Times};
+use super::Adaptive;
 use crate::integrate::{Seen, Start, Transport};
 use crate::sampler::RememberingSampler;
+use crate::times::{Stage, Times};
 use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, View};
 
 /// Dimension of the sampler for the position in the pixel.
