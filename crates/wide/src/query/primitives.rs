@@ -4,6 +4,7 @@ use canted_obb::{Obb, PrimId};
 use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, with_stack};
 
 use super::boxes::Order;
+use super::filtered::is_filtered;
 use super::sink::{AllHits, AnyHit, BestHit};
 use crate::bvh::WideBvh;
 use crate::leaf::{Primitive, PrimitiveHit, hit};
@@ -74,19 +75,25 @@ impl<P: Primitive> WideBvh<P> {
 
     fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
         let mut best = BestHit::<false>::new(query);
-        let visits = self.visit(ray, Order::Nearest, stack, &mut |id, t_max| {
-            self.test(id, &ray.scaled, t_max, |ray, hit, t_max| best.take_hit(ray, hit, t_max))
-        });
-        best.visits = visits;
+        best.visits = if is_filtered::<P>() {
+            self.search(ray, stack, &mut best)
+        } else {
+            self.visit(ray, Order::Nearest, stack, &mut |id, t_max| {
+                self.test(id, &ray.scaled, t_max, |ray, hit, t_max| best.take_hit(ray, hit, t_max))
+            })
+        };
         best.hit(&ray.scaled)
     }
 
     fn occluded_by(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         let mut any = AnyHit::<false>::new(query);
-        let visits = self.visit(ray, Order::Any, stack, &mut |id, t_max| {
-            self.test(id, &ray.scaled, t_max, |ray, hit, t_max| any.take_hit(ray, hit, t_max))
-        });
-        any.visits = visits;
+        any.visits = if is_filtered::<P>() {
+            self.search(ray, stack, &mut any)
+        } else {
+            self.visit(ray, Order::Any, stack, &mut |id, t_max| {
+                self.test(id, &ray.scaled, t_max, |ray, hit, t_max| any.take_hit(ray, hit, t_max))
+            })
+        };
         any.found()
     }
 
