@@ -166,6 +166,12 @@ impl<P: Primitive> Primitive for &P {
     }
 }
 
+/// Whether primitives have hulls that eight are tested with at once.
+#[inline(always)]
+pub(crate) const fn is_filtered<P: Primitive>() -> bool {
+    P::BALL.is_some() || P::HULL.is_some()
+}
+
 /// A primitive of the caller, relative to a point of object space.
 #[derive(Debug)]
 pub(crate) struct Placed<'a, P> {

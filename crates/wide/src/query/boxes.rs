@@ -5,10 +5,9 @@ use std::ops::ControlFlow;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Ray, ReferencePoint, ScaledRay, with_stack};
 
-use super::filtered::is_filtered;
 use super::sink::Visits;
 use crate::bvh::WideBvh;
-use crate::leaf::Primitive;
+use crate::leaf::{Primitive, is_filtered};
 use crate::node::{NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
 use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayLanes, RayNumbers, TracedRay, Visitor, walk};

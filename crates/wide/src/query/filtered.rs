@@ -13,12 +13,6 @@ use crate::traverse::{
     LeafRange, RayLanes, RayLine, RayToBalls, Reached, TracedRay, VisitLane, Visitor, numbers, numbers_of_ball, walk,
 };
 
-/// Whether primitives have hulls that eight are tested with at once.
-#[inline(always)]
-pub(super) const fn is_filtered<P: Primitive>() -> bool {
-    P::BALL.is_some() || P::HULL.is_some()
-}
-
 impl<P: Primitive> WideBvh<P> {
     /// Calls `visit` with the primitives of each leaf that a ray enters, of a large leaf with those whose hulls it may reach.
     pub(super) fn visit_filtered(

@@ -4,10 +4,9 @@ use canted_obb::{Obb, PrimId};
 use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, with_stack};
 
 use super::boxes::Order;
-use super::filtered::is_filtered;
 use super::sink::{AllHits, AnyHit, BestHit};
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, PrimitiveHit, hit};
+use crate::leaf::{Primitive, PrimitiveHit, hit, is_filtered};
 use crate::simd::{Simd, Task};
 use crate::traverse::{Pads, TracedRay, for_each_of_eight};
 
