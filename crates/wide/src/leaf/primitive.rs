@@ -1,7 +1,7 @@
 //! Primitives of the caller.
 
 use canted_obb::{Aabb, Moments, Obb, PrimId};
-use canted_trace::{HIT_ERROR, ReferencePoint, RoundSegment, ScaledRay, Side};
+use canted_trace::{HIT_ERROR, ReferencePoint, RoundSegment, ScaledRay, Side, Sphere};
 
 use super::extents::{extent_of_box, moved_extent};
 use super::{LeafData, LeafPrimitive};
@@ -105,6 +105,10 @@ pub trait Primitive: Send + Sync {
     /// origin and a point of the segment from the segment.
     const HULL: Option<fn(&Self) -> RoundSegment> = None;
 
+    /// A ball around a primitive, as [`Primitive::HULL`]: for shapes that are about as long as they are wide, and tested sooner. Where there is one,
+    /// `HULL` is not used.
+    const BALL: Option<fn(&Self) -> Sphere> = None;
+
     /// A box around the primitive, object space: finite, not empty.
     fn bounds(&self) -> Aabb;
 
@@ -139,6 +143,10 @@ impl<P: Primitive> Primitive for &P {
         Some(_) => Some(|primitive| P::HULL.expect("it is one")(primitive)),
         None => None,
     };
+    const BALL: Option<fn(&Self) -> Sphere> = match P::BALL {
+        Some(_) => Some(|primitive| P::BALL.expect("it is one")(primitive)),
+        None => None,
+    };
 
     fn bounds(&self) -> Aabb {
         P::bounds(self)
@@ -156,6 +164,12 @@ impl<P: Primitive> Primitive for &P {
     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
         P::intersect(self, ray, t_max)
     }
+}
+
+/// Whether primitives have hulls that eight are tested with at once.
+#[inline(always)]
+pub(crate) const fn is_filtered<P: Primitive>() -> bool {
+    P::BALL.is_some() || P::HULL.is_some()
 }
 
 /// A primitive of the caller, relative to a point of object space.

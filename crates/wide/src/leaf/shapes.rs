@@ -15,6 +15,8 @@ use super::primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 /// u·S: 1.1 u of the 20 u that are stated.
 impl Primitive for Sphere {
     const IS_LOCAL: bool = true;
+    const MAX_LEAF: usize = 8;
+    const BALL: Option<fn(&Self) -> Sphere> = Some(|sphere| *sphere);
 
     fn bounds(&self) -> Aabb {
         bounds_of_points([self.center], self.radius)
@@ -53,7 +55,7 @@ impl SavedPrimitive for Sphere {
 impl Primitive for RoundSegment {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 8;
-    const COST: f32 = 6.0;
+    const COST: f32 = 4.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(|segment| *segment);
 
     fn bounds(&self) -> Aabb {

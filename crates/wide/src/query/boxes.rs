@@ -7,12 +7,10 @@ use canted_trace::{Ray, ReferencePoint, ScaledRay, with_stack};
 
 use super::sink::Visits;
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, Shapes};
+use crate::leaf::{Primitive, is_filtered};
 use crate::node::{NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
-use crate::traverse::{
-    LeafRange, MeshFrame, Pads, PreparedRays, RayLanes, RayLine, RayNumbers, TracedRay, Visitor, numbers, walk,
-};
+use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayLanes, RayNumbers, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,10 +67,10 @@ impl<P: Primitive> WideBvh<P> {
         stack: &mut [u64],
         visit: &mut dyn FnMut(PrimId, f32) -> f32,
     ) -> Visits {
-        match P::HULL {
-            None => visit_primitives(self.path, &self.nodes, &self.leaves.order, ray, order, stack, visit),
-            Some(_) => self.path.run(VisitNear { bvh: self, ray, order, stack, visit }),
+        if is_filtered::<P>() {
+            return self.visit_filtered(ray, order, stack, visit);
         }
+        visit_primitives(self.path, &self.nodes, &self.leaves.order, ray, order, stack, visit)
     }
 }
 
@@ -264,80 +262,6 @@ impl Visitor for CalledForIds<'_> {
     fn leaf(&mut self, LeafRange { first, n, t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
         visit_each(&self.ids[first as usize..(first + n) as usize], t_max, self.visit)
-    }
-
-    #[inline(always)]
-    fn node(&mut self, kind: NodeKind) {
-        self.visits.node(kind);
-    }
-}
-
-/// Calls `visit` with the primitives of each leaf that a ray enters, of a large leaf with those whose hulls it may come near.
-struct VisitNear<'a, P: Primitive> {
-    bvh: &'a WideBvh<P>,
-    ray: &'a TracedRay,
-    order: Order,
-    stack: &'a mut [u64],
-    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
-}
-
-impl<P: Primitive> Task for VisitNear<'_, P> {
-    type Output = Visits;
-
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) -> Visits {
-        let Self { bvh, ray, order, stack, visit } = self;
-        let lanes = RayLanes::new(simd, &ray.numbers);
-        let Shapes { order: ids, primitives } = &bvh.leaves;
-        let line = RayLine::new(simd, &ray.scaled);
-        let mut leaves = NearLeaves { simd, ids, primitives, line, visit, visits: Visits::default() };
-        let t_max = ray.scaled.t_max;
-        match order {
-            Order::Nearest => walk::<S, true>(simd, &bvh.nodes, &lanes, t_max, stack, &mut leaves),
-            Order::Any => walk::<S, false>(simd, &bvh.nodes, &lanes, t_max, stack, &mut leaves),
-        }
-        leaves.visits
-    }
-}
-
-/// Up to so many primitives of a leaf are tested sooner than their hulls.
-const FEW: usize = 2;
-
-/// Tests the hulls of large leaves, eight at a time.
-struct NearLeaves<'a, S: Simd, P> {
-    simd: S,
-    ids: &'a [PrimId],
-    primitives: &'a [P],
-    line: RayLine<S>,
-    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
-    visits: Visits,
-}
-
-impl<S: Simd, P: Primitive> Visitor for NearLeaves<'_, S, P> {
-    #[inline(always)]
-    fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
-        self.visits.leaf(n);
-        let hull = P::HULL.expect("leaves of other primitives are visited whole");
-        let ids = &self.ids[first as usize..(first + n) as usize];
-        if ids.len() <= FEW {
-            return visit_each(ids, t_max, self.visit);
-        }
-        for ids in ids.chunks(8) {
-            let mut rows = [self.simd.splat(0.0); 8];
-            for (row, id) in rows.iter_mut().zip(ids) {
-                *row = self.simd.load(&numbers(&hull(&self.primitives[id.index()])));
-            }
-            let mut near = self.line.near(self.simd, self.simd.transpose(rows), t_max) & ((1 << ids.len()) - 1);
-            while near != 0 {
-                let id = ids[near.trailing_zeros() as usize];
-                near &= near - 1;
-                t_max = (self.visit)(id, t_max);
-                if t_max < 0.0 {
-                    return t_max;
-                }
-            }
-        }
-        t_max
     }
 
     #[inline(always)]

@@ -3,6 +3,7 @@
 //! ```text
 //! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each query that is not plain
 //! primitives   tests of the caller, called from the traversal for each leaf
+//! filtered     the same, after filters that test eight primitives at a time inside of the traversal
 //! boxes        a function of the caller, called for each box
 //! ```
 //!
@@ -10,6 +11,7 @@
 
 mod boxes;
 mod crossings;
+mod filtered;
 mod moving;
 mod primitives;
 mod sink;

@@ -6,7 +6,7 @@ use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray
 use super::boxes::Order;
 use super::sink::{AllHits, AnyHit, BestHit};
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, PrimitiveHit, hit};
+use crate::leaf::{Primitive, PrimitiveHit, hit, is_filtered};
 use crate::simd::{Simd, Task};
 use crate::traverse::{Pads, TracedRay, for_each_of_eight};
 
@@ -74,19 +74,25 @@ impl<P: Primitive> WideBvh<P> {
 
     fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
         let mut best = BestHit::<false>::new(query);
-        let visits = self.visit(ray, Order::Nearest, stack, &mut |id, t_max| {
-            self.test(id, &ray.scaled, t_max, |ray, hit, t_max| best.take_hit(ray, hit, t_max))
-        });
-        best.visits = visits;
+        best.visits = if is_filtered::<P>() {
+            self.search(ray, stack, &mut best)
+        } else {
+            self.visit(ray, Order::Nearest, stack, &mut |id, t_max| {
+                self.test(id, &ray.scaled, t_max, |ray, hit, t_max| best.take_hit(ray, hit, t_max))
+            })
+        };
         best.hit(&ray.scaled)
     }
 
     fn occluded_by(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         let mut any = AnyHit::<false>::new(query);
-        let visits = self.visit(ray, Order::Any, stack, &mut |id, t_max| {
-            self.test(id, &ray.scaled, t_max, |ray, hit, t_max| any.take_hit(ray, hit, t_max))
-        });
-        any.visits = visits;
+        any.visits = if is_filtered::<P>() {
+            self.search(ray, stack, &mut any)
+        } else {
+            self.visit(ray, Order::Any, stack, &mut |id, t_max| {
+                self.test(id, &ray.scaled, t_max, |ray, hit, t_max| any.take_hit(ray, hit, t_max))
+            })
+        };
         any.found()
     }
 

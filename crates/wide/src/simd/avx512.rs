@@ -50,6 +50,7 @@ impl Simd for Avx512 {
         fn sub(a: __m256, b: __m256) -> __m256;
         fn mul(a: __m256, b: __m256) -> __m256;
         fn div(a: __m256, b: __m256) -> __m256;
+        fn sqrt(a: __m256) -> __m256;
         fn min(a: __m256, b: __m256) -> __m256;
         fn max(a: __m256, b: __m256) -> __m256;
         fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256;

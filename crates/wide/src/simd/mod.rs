@@ -64,6 +64,8 @@ pub(crate) trait Simd: Copy {
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     /// `a / b`.
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The square root; NaN where `a` is below zero.
+    fn sqrt(self, a: Self::F) -> Self::F;
     /// `a · b + c`, rounded once or twice.
     fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// `a · b - c`, rounded once or twice.

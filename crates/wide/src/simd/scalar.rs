@@ -30,6 +30,7 @@ impl Simd for Scalar {
         fn sub(a, b) = a - b;
         fn mul(a, b) = a * b;
         fn div(a, b) = a / b;
+        fn sqrt(a) = a.sqrt();
         fn mul_add(a, b, c) = a * b + c;
         fn mul_sub(a, b, c) = a * b - c;
         fn neg_mul_sub(a, b, c) = -(a * b) - c;

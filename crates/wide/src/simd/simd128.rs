@@ -2,8 +2,8 @@
 
 use std::arch::wasm32::{
     f32x4, f32x4_abs, f32x4_add, f32x4_div, f32x4_extract_lane, f32x4_le, f32x4_lt, f32x4_mul, f32x4_neg, f32x4_pmax,
-    f32x4_pmin, f32x4_splat, f32x4_sub, i32x4_bitmask, i32x4_shuffle, u32x4_splat, v128, v128_and, v128_bitselect,
-    v128_xor,
+    f32x4_pmin, f32x4_splat, f32x4_sqrt, f32x4_sub, i32x4_bitmask, i32x4_shuffle, u32x4_splat, v128, v128_and,
+    v128_bitselect, v128_xor,
 };
 
 use super::{Simd, Task};
@@ -59,6 +59,7 @@ impl Simd for Simd128 {
         fn sub(a, b) = f32x4_sub(a, b);
         fn mul(a, b) = f32x4_mul(a, b);
         fn div(a, b) = f32x4_div(a, b);
+        fn sqrt(a) = f32x4_sqrt(a);
         fn mul_add(a, b, c) = f32x4_add(f32x4_mul(a, b), c);
         fn mul_sub(a, b, c) = f32x4_sub(f32x4_mul(a, b), c);
         fn neg_mul_sub(a, b, c) = f32x4_sub(f32x4_neg(f32x4_mul(a, b)), c);

@@ -26,6 +26,7 @@ impl Task for Every {
             ("sub", bits(simd.store(simd.sub(a, b)))),
             ("mul", bits(simd.store(simd.mul(a, b)))),
             ("div", bits(simd.store(simd.div(a, b)))),
+            ("sqrt", bits(simd.store(simd.sqrt(a)))),
             ("min", bits(simd.store(simd.min(a, b)))),
             ("max", bits(simd.store(simd.max(a, b)))),
             ("power_of_two", bits(simd.store(simd.power_of_two(a)))),

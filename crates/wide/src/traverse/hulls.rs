@@ -1,10 +1,11 @@
-//! Eight round segments at once: which of them a ray may come near.
+//! Eight round segments at once: which of them a ray may come near, and where at the earliest.
 
 use canted_trace::lanes::UNIT_ROUNDOFF as U;
 use canted_trace::{RoundSegment, ScaledRay};
 
 use super::block::norm;
 use super::ray::splat3;
+use super::reach::Reached;
 use crate::simd::Simd;
 
 /// How much of the squared radius counts: 9/8, and the roundings of the comparison.
@@ -15,6 +16,15 @@ pub(crate) const ERROR: f32 = 16384.0 * U * U;
 
 /// More than all roundings of a position along the line, relative to the sizes.
 const ALONG: f32 = 32.0 * U;
+
+/// More than the roundings of a step along the line, relative to the length of a segment.
+const STEP: f32 = 8.0 * U;
+
+/// The greatest squared slant of segments whose nearest point bounds where a ray enters: 2^20.
+const SLANTED: f32 = (1 << 20) as f32;
+
+/// More than 1, by more than roundings of the vector across such a segment: 2^-10.
+const WIDER: f32 = 1.0 + 1.0 / 1024.0;
 
 /// Squares from here on lose nothing by underflow.
 const LEAST: f32 = f32::from_bits((127 - 100) << 23);
@@ -28,19 +38,19 @@ pub(crate) struct RayLine<S: Simd> {
     length: S::F,
     /// Where the ray starts, times the square of the direction.
     start: S::F,
-    /// See [`ERROR`].
-    error: S::F,
+    /// See [`ERROR`] and [`ALONG`].
+    errors: [S::F; 2],
 }
 
 impl<S: Simd> RayLine<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
-        Self::with_error(simd, ray, ERROR)
+        Self::with_errors(simd, ray, [ERROR, ALONG])
     }
 
-    /// As [`RayLine::new`], with another error than [`ERROR`].
+    /// As [`RayLine::new`], with other errors than [`ERROR`] and [`ALONG`].
     #[inline(always)]
-    pub(crate) fn with_error(simd: S, ray: &ScaledRay, error: f32) -> Self {
+    pub(crate) fn with_errors(simd: S, ray: &ScaledRay, errors: [f32; 2]) -> Self {
         let [x, y, z] = ray.direction;
         let direction_squared = x * x + y * y + z * z;
         Self {
@@ -49,7 +59,7 @@ impl<S: Simd> RayLine<S> {
             direction_squared,
             length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
             start: simd.splat(ray.t_min * direction_squared),
-            error: simd.splat(error),
+            errors: [simd.splat(errors[0]), simd.splat(errors[1])],
         }
     }
 
@@ -75,8 +85,15 @@ impl<S: Simd> RayLine<S> {
     ///
     /// A position along the line, `f·d` or `f·d + a·d`, is off by less than 6 u·D·(F + A), and the ends of the interval, which count only where
     /// they are as near, by 3 u of theirs; [`ALONG`] is more than both, and more than the test may be off by.
+    ///
+    /// # Where the ray enters
+    /// A point of the segment on the line is within `r` of the point at some `s'` of the axis, whose position along the line is at most `r·D` beyond. That
+    /// point is `(s' - s)·|c|/D` farther along the axis than the nearest one, at `s`, clamped or not: so that is at most `r`. With the errors of `s` and of the test, which
+    /// `E` and the rest of [`ERROR`] hold, `(s' - s)²·c²` is at most the squared reach of the comparison. So the position is at least that at `s`, less the step along the line of
+    /// `reach/|c|`, less `r·D`. Where R is at most 2^10, `|c|` is off by 2^-11.8, which [`WIDER`] exceeds; elsewhere, and where `c²` is below 2^-100,
+    /// the nearer end bounds the entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6 u·A·D of the step.
     #[inline(always)]
-    pub(crate) fn near(&self, simd: S, rows: [S::F; 8], t_max: f32) -> u32 {
+    pub(crate) fn near(&self, simd: S, rows: [S::F; 8], t_max: f32) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;
         let [zero, one] = [0.0, 1.0].map(|x| simd.splat(x));
         let sub = |a: [S::F; 3], b: [S::F; 3]| [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])];
@@ -101,22 +118,29 @@ impl<S: Simd> RayLine<S> {
             simd.mul_add(at, across[2], moment[2]),
         ];
         let slant = simd.max(simd.mul(simd.mul(axis_squared, squared), recip), one);
-        let sizes = simd.mul(simd.add(dot(from_origin, from_origin), axis_squared), self.error);
+        let sizes = simd.mul(simd.add(dot(from_origin, from_origin), axis_squared), self.errors[0]);
         let reach = simd.mul_add(simd.mul(radius, radius), simd.splat(RADIUS), simd.mul(sizes, slant));
         let reach = simd.add(simd.mul(reach, squared), simd.splat(f32::MIN_POSITIVE));
         let axis_size = norm(simd, axis);
         let is_usable = simd.lt(simd.splat(LEAST), across_squared) | simd.le(axis_size, zero);
         let passes = simd.lt(reach, dot(apart, apart)) & is_usable;
 
-        let [first, step] = [dot(from_origin, self.direction), dot(axis, self.direction)];
-        let second = simd.add(first, step);
+        let (first, along) = (dot(from_origin, self.direction), dot(axis, self.direction));
+        let second = simd.add(first, along);
         let size = simd.add(simd.add(norm(simd, from_origin), axis_size), radius);
-        let pad = simd.mul(self.length, simd.add(radius, simd.mul(simd.splat(ALONG), size)));
+        let pad = simd.mul(self.length, simd.add(radius, simd.mul(self.errors[1], size)));
         let pad = simd.add(pad, simd.splat(f32::MIN_POSITIVE));
         let is_before = simd.lt(simd.add(simd.max(first, second), pad), self.start);
-        let end = simd.splat(t_max * self.direction_squared);
-        let is_after = simd.lt(end, simd.sub(simd.min(first, second), pad));
-        !(passes | is_before | is_after) & 0xff
+
+        let step = simd.mul_add(simd.mul(self.length, axis_size), simd.splat(STEP), simd.abs(along));
+        let aside = simd.mul(simd.sqrt(simd.mul(reach, recip)), simd.splat(WIDER));
+        let by_nearest = simd.sub(simd.mul_add(at, along, first), simd.mul(aside, step));
+        let is_known = simd.pick(simd.splat(LEAST), across_squared, slant, simd.splat(f32::INFINITY));
+        let by_ends = simd.min(first, second);
+        // The second where the first is NaN.
+        let nearest = simd.max(simd.pick(is_known, simd.splat(SLANTED), by_nearest, by_ends), by_ends);
+        let reached = Reached { lanes: 0, from: simd.sub(nearest, pad), squared: self.direction_squared };
+        Reached { lanes: !(passes | is_before) & reached.until(simd, t_max), ..reached }
     }
 }
 
@@ -136,18 +160,18 @@ mod tests {
     use crate::SimdPath;
     use crate::simd::Task;
 
-    /// Whether a ray may come near a segment, by a filter with this error.
-    struct Near<'a>(&'a RoundSegment, &'a ScaledRay, f32);
+    /// Whether a ray up to `t_max` may come near a segment, by a filter with these errors.
+    struct Near<'a>(&'a RoundSegment, &'a ScaledRay, f32, [f32; 2]);
 
     impl Task for Near<'_> {
         type Output = bool;
 
         #[inline(always)]
         fn on<S: Simd>(self, simd: S) -> bool {
-            let Self(segment, ray, error) = self;
-            let line = RayLine::with_error(simd, ray, error);
+            let Self(segment, ray, t_max, errors) = self;
+            let line = RayLine::with_errors(simd, ray, errors);
             let rows = numbers(segment).map(|x| simd.splat(x));
-            let lanes = line.near(simd, rows, ray.t_max);
+            let lanes = line.near(simd, rows, t_max).lanes;
             assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
             lanes != 0
         }
@@ -185,22 +209,63 @@ mod tests {
         })
     }
 
+    const ERRORS: [f32; 2] = [ERROR, ALONG];
+
     #[test]
     fn no_segment_that_a_ray_hits_is_skipped() {
-        let mut n = 0;
+        let (mut n, mut n_entered) = (0, 0);
         for (segment, ray) in cases(200_000) {
             n += 1;
+            // Up to the end of the ray, and up to the hit itself.
+            let [entry, exit] = segment.span_scaled(&ray).expect("the ray hits it");
+            let first = if entry.t >= ray.t_min { entry.t } else { exit.t };
+            n_entered += u32::from(first <= ray.t_max);
+            let until = if first <= ray.t_max { first } else { ray.t_max };
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-                assert!(path.available().run(Near(&segment, &ray, ERROR)), "{}: {segment:?} {ray:?}", path.name());
+                for t_max in [ray.t_max, until] {
+                    let is_near = path.available().run(Near(&segment, &ray, t_max, ERRORS));
+                    assert!(is_near, "{}: {segment:?} {ray:?} up to {t_max}", path.name());
+                }
             }
         }
-        assert!(n > 50_000, "{n} hits");
+        assert!(n > 50_000 && n_entered > 50_000, "{n} hits, {n_entered} in the interval");
     }
 
     #[test]
-    fn without_the_error_some_are() {
-        let lost = |(segment, ray)| !SimdPath::Scalar.available().run(Near(&segment, &ray, 0.0));
-        assert!(cases(200_000).filter(|&(segment, ray)| lost((segment, ray))).count() > 100);
+    fn without_the_errors_some_are() {
+        let lost = |(segment, ray): &(RoundSegment, ScaledRay), errors| {
+            let [entry, exit] = segment.span_scaled(ray).expect("the ray hits it");
+            let first = if entry.t >= ray.t_min { entry.t } else { exit.t };
+            !SimdPath::Scalar.available().run(Near(segment, ray, first.min(ray.t_max), errors))
+        };
+        for errors in [[0.0, ALONG], [ERROR, 0.0]] {
+            let n_lost = cases(200_000).filter(|case| lost(case, errors)).count();
+            assert!(n_lost > 100, "{n_lost} with {errors:?}");
+        }
+    }
+
+    /// Behind the point where a ray enters a segment that it crosses, other ends are not waited for.
+    #[test]
+    fn segments_behind_a_hit_are_skipped() {
+        let mut rng = SplitMix64::new(13);
+        let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mut n, mut n_kept) = (0, 0);
+        while n < 20_000 {
+            let (a, b) = ([unit(), unit(), unit()], [unit(), unit(), unit()]);
+            let segment = RoundSegment { ends: [a, b], radii: [1e-3, 2e-3] };
+            let target = [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
+            let origin = [9.0 * unit(), 9.0 * unit(), 9.0 * unit()];
+            let Some(ray) = ScaledRay::new(&Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]))) else {
+                continue;
+            };
+            let Some([entry, _]) = segment.span_scaled(&ray) else { continue };
+            if entry.t < ray.t_min {
+                continue;
+            }
+            n += 1;
+            n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, entry.t - 0.02, ERRORS)));
+        }
+        assert!(n_kept < n / 20, "{n_kept} of {n}");
     }
 
     #[test]
@@ -218,7 +283,7 @@ mod tests {
             };
             if segment.span_scaled(&ray).is_none() {
                 n_missed += 1;
-                n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, ERROR)));
+                n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, ray.t_max, ERRORS)));
             }
         }
         assert!(n_missed > 15_000 && n_kept < n_missed / 100, "{n_kept} of {n_missed}");

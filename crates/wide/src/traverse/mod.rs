@@ -65,17 +65,21 @@
 //! 2^62, reference points up to 2^60 and reciprocals up to 2^64 keep every number finite: moved coordinates stay below 1.25·2^62, their
 //! differences below 2^64, and their products below 2^128.
 
+mod balls;
 mod block;
 mod eight;
 mod hulls;
 mod near;
 mod ray;
+mod reach;
 mod walk;
 
+pub(crate) use balls::{RayToBalls, numbers_of_ball};
 pub(crate) use block::{Block, RayTriangles, SHRINK};
 pub(crate) use eight::{EightRays, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
 pub(crate) use hulls::{RayLine, numbers};
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
+pub(crate) use reach::{Reached, VisitLane};
 pub(crate) use walk::LeafRange;
 pub(crate) use walk::{Visitor, walk};

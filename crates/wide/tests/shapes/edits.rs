@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Counts, Intersect, Ray, Sphere};
-use canted_wide::{EditError, PrimitiveError, SavedPrimitive, WideBvh};
+use canted_wide::{Config, Costs, EditError, PrimitiveError, SavedPrimitive, WideBvh};
 
 use crate::agree::{configs, first_difference, paths};
 use crate::shape::{Capsule, boxes, capsules, loop_over_all, rays, spheres, struts};
@@ -107,6 +107,12 @@ fn at(x: f32, y: f32) -> Sphere {
     Sphere { center: [x, y, 0.0], radius: 0.25 }
 }
 
+/// A new BVH with a sphere in each leaf, as edits make them: what differs is the hierarchy.
+fn built_alike(shapes: &[Sphere]) -> WideBvh<Sphere> {
+    let costs = Costs { max_leaf: 1, ..Costs::default() };
+    WideBvh::over_with(shapes.to_vec(), Config { costs, ..Config::default() }).unwrap()
+}
+
 /// A path in which each node has one node below would be as long as the number of shapes over seven.
 #[test]
 fn depth_and_memory_are_bounded_whatever_the_order() {
@@ -122,7 +128,7 @@ fn depth_and_memory_are_bounded_whatever_the_order() {
             bvh.insert(pattern(i)).unwrap();
             assert!(bvh.sizes().depth <= bound(i + 1), "{number}, {i}: {}", bvh.sizes().depth);
         }
-        let fresh = WideBvh::over(bvh.primitives().to_vec()).unwrap();
+        let fresh = built_alike(bvh.primitives());
         let full = bvh.n_bytes();
         assert!(full < 6 * fresh.n_bytes(), "{number}: {full} instead of {}", fresh.n_bytes());
         // The window goes on: the oldest leaves as a new one comes.
@@ -163,7 +169,7 @@ fn drift_grows_with_disorder_and_advises_a_rebuild() {
             bvh.move_one(PrimId(i as u32), Sphere { center: [x + dx, y + dy, z + dz], radius }).unwrap();
         }
     }
-    let rebuilt = WideBvh::over(bvh.primitives().to_vec()).unwrap();
+    let rebuilt = built_alike(bvh.primitives());
     let n_boxes = |bvh: &WideBvh<Sphere>| {
         let mut counts = Counts::default();
         for ray in rays(bvh.primitives(), 500) {

@@ -1,0 +1,211 @@
+//! Eight balls at once: which of them a ray may hit, and where at the earliest.
+
+use canted_trace::lanes::UNIT_ROUNDOFF as U;
+use canted_trace::{ScaledRay, Sphere};
+
+use super::block::norm;
+use super::ray::splat3;
+use super::reach::Reached;
+use crate::simd::Simd;
+
+/// More than all roundings of the distance between a line and a center, and of a position along the line, relative to the sizes.
+const ERRORS: [f32; 2] = [10.0 * U, 32.0 * U];
+
+/// The line of a ray, in every lane.
+pub(crate) struct RayToBalls<S: Simd> {
+    origin: [S::F; 3],
+    direction: [S::F; 3],
+    direction_squared: f32,
+    /// At least the length of the direction.
+    length: S::F,
+    /// Where the ray starts, times the square of the direction.
+    start: S::F,
+    /// See [`ERRORS`].
+    errors: [S::F; 2],
+}
+
+impl<S: Simd> RayToBalls<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
+        Self::with_errors(simd, ray, ERRORS)
+    }
+
+    /// As [`RayToBalls::new`], with other errors than [`ERRORS`].
+    #[inline(always)]
+    pub(crate) fn with_errors(simd: S, ray: &ScaledRay, errors: [f32; 2]) -> Self {
+        let [x, y, z] = ray.direction;
+        let direction_squared = x * x + y * y + z * z;
+        Self {
+            origin: splat3(simd, ray.origin),
+            direction: splat3(simd, ray.direction),
+            direction_squared,
+            length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
+            start: simd.splat(ray.t_min * direction_squared),
+            errors: [simd.splat(errors[0]), simd.splat(errors[1])],
+        }
+    }
+
+    /// Lanes whose ball the ray may hit at `t_min <= t <= t_max`; rows of the coordinates of the centers, and of the radii.
+    ///
+    /// # Method
+    /// Let `m` be the vector from the ray's origin to the center, `d` the direction of the length `D`, `F` the length of `m` and `r` the radius. The line is `|m × d|/D` from the
+    /// center; at the distance `h` it is in the ball for half a chord of `√((r - h)·(r + h))` on both sides of `m·d/D`.
+    ///
+    /// # Error
+    /// Two roundings of inputs and products and one of a difference put `m × d` off by at most 4.3 u·F·D, its length `a` by 2.6 u more of itself, at most u·F·D each, the length of the direction by
+    /// 5 u of `r·D`, which only makes it longer, and the test of a primitive by u·(F + r)·D. So with `e = 10 u·(|m|₁ + r)·D`, of which `|m|₁` is at least F, a hit has `r·D + e >= a`, and the
+    /// chord, times D², is at most `√((r·D + e - a)·(r·D + e + a))` but for the 4 u of the root itself: the first factor is rounded to 2 u of `r·D + e`, which `e`
+    /// has to spare. The position of the center, `m·d`, is off by less than 6 u·F·D, and the ends of the interval, which count only where they are as near, by 3 u of theirs;
+    /// 32 u·(|m|₁ + r)·D is more than all of that, the root's share and what the test may be off by. The smallest normal number covers what underflows. What overflows or is NaN is kept.
+    #[inline(always)]
+    pub(crate) fn near(&self, simd: S, [x, y, z, radius]: [S::F; 4], t_max: f32) -> Reached<S> {
+        let d = self.direction;
+        let m = [simd.sub(x, self.origin[0]), simd.sub(y, self.origin[1]), simd.sub(z, self.origin[2])];
+        let across = [
+            simd.mul_sub(m[1], d[2], simd.mul(m[2], d[1])),
+            simd.mul_sub(m[2], d[0], simd.mul(m[0], d[2])),
+            simd.mul_sub(m[0], d[1], simd.mul(m[1], d[0])),
+        ];
+        let apart = simd.sqrt(dot(simd, across, across));
+        let size = simd.mul(simd.add(norm(simd, m), radius), self.length);
+        let tiny = simd.splat(TINY);
+        let reach = simd.mul_add(radius, self.length, simd.mul_add(size, self.errors[0], tiny));
+        let gap = simd.sub(reach, apart);
+        // A square may overflow where the reach does not.
+        let passes = simd.lt(gap, simd.splat(0.0)) & simd.le(apart, simd.splat(f32::MAX));
+        let half = simd.sqrt(simd.mul(simd.max(gap, simd.splat(0.0)), simd.add(reach, apart)));
+        let half = simd.add(half, simd.mul_add(size, self.errors[1], tiny));
+        let center = dot(simd, m, d);
+        let is_before = simd.lt(simd.add(center, half), self.start);
+        let reached = Reached { lanes: 0, from: simd.sub(center, half), squared: self.direction_squared };
+        Reached { lanes: !(passes | is_before) & reached.until(simd, t_max), ..reached }
+    }
+}
+
+/// The root of the smallest normal number, and more: 2^-62.
+const TINY: f32 = f32::from_bits((127 - 62) << 23);
+
+/// The numbers of a ball: the coordinates of the center, the radius.
+#[inline(always)]
+pub(crate) fn numbers_of_ball(&Sphere { center: [x, y, z], radius }: &Sphere) -> [f32; 4] {
+    [x, y, z, radius]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+    simd.mul_add(a[0], b[0], simd.mul_add(a[1], b[1], simd.mul(a[2], b[2])))
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_trace::Ray;
+
+    use super::*;
+    use crate::SimdPath;
+    use crate::simd::Task;
+
+    /// Whether a ray up to `t_max` may hit a ball, by a filter with these errors.
+    struct Near<'a>(&'a Sphere, &'a ScaledRay, f32, [f32; 2]);
+
+    impl Task for Near<'_> {
+        type Output = bool;
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> bool {
+            let Self(ball, ray, t_max, errors) = self;
+            let line = RayToBalls::with_errors(simd, ray, errors);
+            let rows = numbers_of_ball(ball).map(|x| simd.splat(x));
+            let lanes = line.near(simd, rows, t_max).lanes;
+            assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
+            lanes != 0
+        }
+    }
+
+    /// Balls of many sizes and places, rays that graze them, and the `t` of a hit, at which some of the rays begin.
+    fn cases(n: usize) -> impl Iterator<Item = (Sphere, ScaledRay, f32)> {
+        let mut rng = SplitMix64::new(17);
+        let mut unit = move || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        (0..n).filter_map(move |i| {
+            let scale = [1.0, 1e-6, 1e6, 1e-24, 1e13][i % 5];
+            let offset = [0.0, 1.0, 1e4, 1e7][i / 5 % 4];
+            let radius = scale * [0.1, 1e-4, 0.0, 1e-6, 100.0][i / 20 % 5];
+            let center = [0, 1, 2].map(|_| scale * (offset * unit() + unit()));
+            let ball = Sphere { center, radius };
+            let away = scale * [1.0, 1e3, 1e-2, 0.0][i / 100 % 4];
+            let mut origin = [0, 1, 2].map(|k| center[k] + away * unit() + radius * unit());
+            if i % 9 == 0 {
+                origin = [-0.0; 3];
+            }
+            // Towards the silhouette.
+            let to_center = [0, 1, 2].map(|k| center[k] - origin[k]);
+            let aside = [unit(), unit(), unit()];
+            let along = (0..3).map(|k| aside[k] * to_center[k]).sum::<f32>()
+                / to_center.iter().map(|x| x * x).sum::<f32>().max(f32::MIN_POSITIVE);
+            let across = [0, 1, 2].map(|k| aside[k] - along * to_center[k]);
+            let length = across.iter().map(|x| x * x).sum::<f32>().sqrt().max(1e-6);
+            let graze = [0.0, 1.0, 1.0 - 1e-6, unit()][i / 400 % 4];
+            let stretch = [1.0, 1e-20, 1e10][i % 3];
+            let direction = [0, 1, 2].map(|k| stretch * (to_center[k] + graze * radius / length * across[k]));
+            let mut ray = ScaledRay::new(&Ray::new(origin, direction))?;
+            let [entry, exit] = ball.roots_scaled(&ray)?;
+            if i % 11 == 0 {
+                (ray.t_min, ray.t_max) = (exit.max(0.0), f32::MAX);
+            }
+            let first = if entry >= ray.t_min { entry } else { exit };
+            (ray.t_min <= first && first <= ray.t_max).then_some((ball, ray, first))
+        })
+    }
+
+    #[test]
+    fn no_ball_that_a_ray_hits_is_skipped() {
+        let mut n = 0;
+        for (ball, ray, first) in cases(300_000) {
+            n += 1;
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                for t_max in [ray.t_max, first] {
+                    let is_near = path.available().run(Near(&ball, &ray, t_max, ERRORS));
+                    assert!(is_near, "{}: {ball:?} {ray:?} up to {t_max}", path.name());
+                }
+            }
+        }
+        assert!(n > 100_000, "{n} hits");
+    }
+
+    /// The error of the distance makes chords longer, so that of the position counts without it.
+    #[test]
+    fn without_the_errors_some_are() {
+        let n_lost = |errors: [f32; 2]| {
+            let lost = |(ball, ray, first): &(Sphere, ScaledRay, f32)| {
+                !SimdPath::Scalar.available().run(Near(ball, ray, *first, errors))
+            };
+            cases(300_000).filter(lost).count()
+        };
+        let [without_distance, without_both] = [n_lost([0.0, ERRORS[1]]), n_lost([0.0; 2])];
+        assert!(without_distance > 100 && without_both > without_distance, "{without_distance}, {without_both}");
+    }
+
+    #[test]
+    fn what_a_ray_misses_or_reaches_later_is_skipped() {
+        let mut rng = SplitMix64::new(18);
+        let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mut n, mut n_kept) = ([0; 2], [0; 2]);
+        for _ in 0..40_000 {
+            let ball = Sphere { center: [unit(), unit(), unit()], radius: 0.05 };
+            let target = ball.center.map(|x| x + 0.08 * unit());
+            let origin = [3.0 * unit(), 3.0 * unit(), 3.0 * unit()];
+            let Some(ray) = ScaledRay::new(&Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]))) else {
+                continue;
+            };
+            let (is_hit, t_max) = match ball.roots_scaled(&ray) {
+                Some([entry, _]) if entry > 0.1 => (true, entry - 1e-4),
+                Some(_) => continue,
+                None => (false, ray.t_max),
+            };
+            n[usize::from(is_hit)] += 1;
+            let is_near = SimdPath::detect().available().run(Near(&ball, &ray, t_max, ERRORS));
+            n_kept[usize::from(is_hit)] += u32::from(is_near);
+        }
+        assert!((0..2).all(|k| n[k] > 5000 && n_kept[k] < n[k] / 100), "{n_kept:?} of {n:?}");
+    }
+}
