@@ -116,11 +116,27 @@ fn draws(scene: &Scene) -> Result<Vec<Draw>, GpuError> {
     Ok(draws)
 }
 
-/// Cells of 8 x 8 pixels that a measurement renders, at most.
-const MEASURED_CELLS: u32 = 256;
+/// Cells of 8 x 8 pixels that a measurement renders, at most and at least.
+const MEASURED_CELLS: [u32; 2] = [256, 16];
 
 /// Rounds of a measurement, of which the fastest counts. The driver compiles before the first.
 const ROUNDS: usize = 3;
+
+/// The part of the time of a picture that each of two measurements may take.
+const MEASURED_PART: f64 = 0.025;
+
+/// What a raster pass and the compilation of its kernel may take that a driver has not compiled before. Drivers took 0.4 to 3 s for the kernels of a
+/// whole sample.
+const TRIAL: Duration = Duration::from_millis(500);
+
+/// The number of cells that a measurement renders, of a picture with this number of cells and of samples of a pixel; `None` where it would take
+/// too large a part of the picture.
+fn measured_cells(n_cells: u32, n_samples: u32) -> Option<u32> {
+    let affordable = MEASURED_PART * f64::from(n_cells) * f64::from(n_samples) / (ROUNDS + 1) as f64;
+    let [most, least] = MEASURED_CELLS;
+    let n = (affordable as u32).min(n_cells).min(most);
+    (n >= least).then_some(n)
+}
 
 impl DevicePicture<'_> {
     /// The same picture with first hits found in this way. Returns what is used for [`FirstHit::Auto`], too.
@@ -164,16 +180,20 @@ impl DevicePicture<'_> {
         Ok((self.with_kernels(LightKernels::Whole(light), first_seen), surfaces.time))
     }
 
-    /// The faster way, measured over a part of the picture.
+    /// The faster way, measured over a part of the picture. Small and fast pictures are traced: they gain less than the measurement takes.
     fn faster(self) -> Result<(Self, FirstHit), DeviceError> {
+        let [columns, rows] = self.cells();
+        let n_samples = self.settings.range().len() as u32;
+        let Some(n) = measured_cells(columns * rows, n_samples) else { return Ok((self, FirstHit::Trace)) };
+        let share = f64::from(columns * rows) * f64::from(n_samples) / f64::from(n);
+        let tracing = share * self.time_of_cells(n)?.as_secs_f64();
+        if MEASURED_PART * tracing < TRIAL.as_secs_f64() {
+            return Ok((self, FirstHit::Trace));
+        }
         let traced = self.kernels.light.clone();
-        let tracing = self.time_of_cells()?;
         let (rasterized, pass) = self.rasterized()?;
-        let rasterizing = rasterized.time_of_cells()?;
-        let [columns, rows] = rasterized.cells();
-        let share = f64::from(columns) * f64::from(rows) * f64::from(rasterized.settings.samples)
-            / f64::from((columns * rows).min(MEASURED_CELLS));
-        if pass.as_secs_f64() + share * rasterizing.as_secs_f64() < share * tracing.as_secs_f64() {
+        let rasterizing = pass.as_secs_f64() + share * rasterized.time_of_cells(n)?.as_secs_f64();
+        if rasterizing < tracing {
             return Ok((rasterized, FirstHit::Raster));
         }
         Ok((rasterized.with_kernels(traced, None), FirstHit::Trace))
@@ -184,18 +204,17 @@ impl DevicePicture<'_> {
         [self.settings.width, self.settings.height].map(|pixels| pixels.div_ceil(8))
     }
 
-    /// The least time of one sample of cells all over the picture.
-    fn time_of_cells(&self) -> Result<Duration, DeviceError> {
+    /// The least time of one sample of each pixel of `n` cells all over the picture.
+    fn time_of_cells(&self, n: u32) -> Result<Duration, DeviceError> {
         match self.settings.sums {
-            SampleSums::Host => self.time_with::<PackedSample>(),
-            SampleSums::Device => self.time_with::<PackedSum>(),
+            SampleSums::Host => self.time_with::<PackedSample>(n),
+            SampleSums::Device => self.time_with::<PackedSum>(n),
         }
     }
 
-    fn time_with<R: SampleRecord>(&self) -> Result<Duration, DeviceError> {
+    fn time_with<R: SampleRecord>(&self, n: u32) -> Result<Duration, DeviceError> {
         let [columns, rows] = self.cells();
         let all = columns * rows;
-        let n = all.min(MEASURED_CELLS);
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
@@ -209,5 +228,30 @@ impl DevicePicture<'_> {
             }
         }
         Ok(least)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn measurements_take_a_small_part_of_a_picture() {
+        for (n_cells, n_samples) in
+            [(920, 16), (32_400, 64), (1, 1), (16, 1_000_000), (32_400, 1), (u32::MAX >> 6, u32::MAX)]
+        {
+            let all = f64::from(n_cells) * f64::from(n_samples);
+            match measured_cells(n_cells, n_samples) {
+                Some(n) => {
+                    assert!(f64::from(n) * (ROUNDS + 1) as f64 <= MEASURED_PART * all, "{n_cells} {n_samples}: {n}");
+                    assert!((16..=256).contains(&n) && n <= n_cells, "{n_cells} {n_samples}: {n}");
+                }
+                None => assert!(n_cells < 16 || MEASURED_PART * all < 64.0, "{n_cells} {n_samples}"),
+            }
+        }
+        assert_eq!(
+            (measured_cells(920, 16), measured_cells(920, 1), measured_cells(32_400, 64)),
+            (Some(92), None, Some(256))
+        );
     }
 }
