@@ -136,11 +136,12 @@ fn open_machine(job: &Job) -> Result<Machine> {
 
 fn render(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSource) -> Result<Rendered> {
     let start = Instant::now();
-    let Setup { bvh, camera, choice } = setup(scene, &mut job.plan, source)?;
+    let Setup { bvh, camera, choice, mip_maps } = setup(scene, &mut job.plan, source)?;
     let choice_time = start.elapsed().saturating_sub(bvh.build_time);
     job.output.look = job.plan.look.clone();
     let view = Frame { scene, bvh: &bvh, camera: &camera, choice, label: "" };
-    let mut rendered = render_picture(&view, job, machine, &mut LastFrame::default())?.rendered;
+    let mut rendered =
+        render_picture(&view, job, machine, &mut LastFrame { mip_maps, ..LastFrame::default() })?.rendered;
     rendered.facts.push(("choice_seconds", json!(choice_time.as_secs_f64())));
     Ok(rendered)
 }
@@ -189,11 +190,7 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         Output::Picture(map.picture)
     } else {
         let lod = job.plan.settings.lod;
-        let surfaces = match &last.mip_maps {
-            Some(known) => Surfaces::with_mip_maps(scene, lod, known),
-            None => Surfaces::with_lod(scene, lod),
-        };
-        last.mip_maps = Some(surfaces.mip_maps());
+        let surfaces = probes::surfaces(scene, lod, &mut last.mip_maps);
         #[cfg(feature = "gpu")]
         let device = last.device.as_mut();
         #[cfg(feature = "gpu")]

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
 use canted_film::{Aov, Aovs, Film, srgb::luminance};
-use canted_renderer::{Integrator, SceneBvh, Settings, render};
+use canted_renderer::{Integrator, Lod, MipMaps, Monitor, SceneBvh, Settings, Surfaces, render, resume_with};
 use canted_scene::{Camera, Scene};
 
 /// Longest side of the small pictures that decide, in pixels.
@@ -95,6 +95,7 @@ pub(super) fn default_light_strength(
     bvh: &SceneBvh,
     camera: &Camera,
     settings: &Settings,
+    mip_maps: &mut Option<MipMaps>,
 ) -> Result<f32> {
     /// Mean radiance of a well exposed picture.
     const MEAN: f64 = 0.3;
@@ -102,7 +103,7 @@ pub(super) fn default_light_strength(
     const LIMITS: (f64, f64) = (0.84, 32.0);
     /// Part of the pixels with geometry that may be as bright as white or brighter.
     const CLIPPED: f64 = 0.05;
-    let film = probe(scene, bvh, camera, settings)?;
+    let film = probe(scene, bvh, camera, settings, mip_maps)?;
     let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
     let mean = sum / (3 * film.pixels().len()) as f64;
     let bright = quantile(&seen(&film, |[r, g, b]| r.max(g).max(b)), 1.0 - CLIPPED);
@@ -113,7 +114,13 @@ pub(super) fn default_light_strength(
 }
 
 /// Stops that show what the lights of the scene light: where most of it would be white or black; else `None`.
-pub(super) fn needed_stops(scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Result<Option<f32>> {
+pub(super) fn needed_stops(
+    scene: &Scene,
+    bvh: &SceneBvh,
+    camera: &Camera,
+    settings: &Settings,
+    mip_maps: &mut Option<MipMaps>,
+) -> Result<Option<f32>> {
     /// Bright and dark luminances, and the parts of the geometry that need stops where they are beyond.
     const WHITE: f64 = 1.0;
     const BLACK: f64 = 0.02;
@@ -121,7 +128,7 @@ pub(super) fn needed_stops(scene: &Scene, bvh: &SceneBvh, camera: &Camera, setti
     /// Luminance that a tenth of the geometry exceeds, afterwards.
     const BRIGHT: f64 = 0.8;
     const LIMIT: f32 = 20.0;
-    let all = seen(&probe(scene, bvh, camera, settings)?, luminance);
+    let all = seen(&probe(scene, bvh, camera, settings, mip_maps)?, luminance);
     let bright = quantile(&all, 0.9);
     // Where nothing is lit, no exposure shows it.
     if bright <= 0.0 || quantile(&all, 1.0 - PART) < WHITE && bright > BLACK {
@@ -132,13 +139,31 @@ pub(super) fn needed_stops(scene: &Scene, bvh: &SceneBvh, camera: &Camera, setti
     Ok(Some((10.0 * stops).round() / 10.0))
 }
 
-/// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree.
-fn probe(scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Result<Film> {
+/// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree. Uses and keeps mip
+/// maps, which may take longer than the picture.
+fn probe(
+    scene: &Scene,
+    bvh: &SceneBvh,
+    camera: &Camera,
+    settings: &Settings,
+    mip_maps: &mut Option<MipMaps>,
+) -> Result<Film> {
     let [width, height] = [settings.width, settings.height].map(|side| side.min(PROBE_SIDE));
     let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE.with(Aov::Depth));
     let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
     // Not cancellable: before there is a partial result, a signal ends the process.
-    Ok(render(scene, bvh, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?)
+    let surfaces = surfaces(scene, probe.lod, mip_maps);
+    Ok(resume_with(&surfaces, bvh, camera, &probe, vec![], &Monitor::quiet(&AtomicBool::new(false)))?)
+}
+
+/// The surfaces of a scene with the mip maps that are known, which it keeps.
+pub(super) fn surfaces<'a>(scene: &'a Scene, lod: Lod, mip_maps: &mut Option<MipMaps>) -> Surfaces<'a> {
+    let surfaces = match mip_maps {
+        Some(known) => Surfaces::with_mip_maps(scene, lod, known),
+        None => Surfaces::with_lod(scene, lod),
+    };
+    *mip_maps = Some(surfaces.mip_maps());
+    surfaces
 }
 
 /// A value of each pixel that shows geometry, ascending.

@@ -5,7 +5,7 @@
 //! ```
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Integrator, SceneBvh, Shown, Subject, UpdateOptions};
+use canted_renderer::{Integrator, MipMaps, SceneBvh, Shown, Subject, UpdateOptions};
 use canted_scene::{Camera, Scene};
 
 use super::probes::{default_light_strength, lit_by_emission, needed_stops};
@@ -21,6 +21,8 @@ pub(crate) struct Setup {
     pub(crate) bvh: SceneBvh,
     pub(crate) camera: Camera,
     pub(crate) choice: Choice,
+    /// Those of small pictures, if any was needed.
+    pub(crate) mip_maps: Option<MipMaps>,
 }
 
 /// What was decided for a scene.
@@ -56,8 +58,9 @@ pub(crate) fn setup(scene: &mut Scene, plan: &mut Plan, source: LightSource) -> 
     let (camera, of_camera) = plan.camera(scene, &bvh, staged.as_ref())?;
     let source = decided(scene, &bvh, &camera, plan, source, &mut staged)?;
     settle(scene, &mut bvh, &camera, plan, source, staged.as_ref())?;
-    let choice = choose(scene, &mut bvh, (&camera, of_camera), plan, source, staged.as_ref())?;
-    Ok(Setup { bvh, camera, choice })
+    let mut mip_maps = None;
+    let choice = choose(scene, &mut bvh, (&camera, of_camera), plan, source, staged.as_ref(), &mut mip_maps)?;
+    Ok(Setup { bvh, camera, choice, mip_maps })
 }
 
 /// Builds the structure of a scene by `build`, with the ground that it probably has; the result is `None` if neither the camera nor the light
@@ -178,7 +181,8 @@ pub(crate) fn decided(
     Ok(LightSource::Default)
 }
 
-/// Chooses the integrator, the light that needs no file with its strength, the exposure for other light, and the background.
+/// Chooses the integrator, the light that needs no file with its strength, the exposure for other light, and the background. Uses and keeps the
+/// mip maps of textures.
 pub(crate) fn choose(
     scene: &mut Scene,
     bvh: &mut SceneBvh,
@@ -186,6 +190,7 @@ pub(crate) fn choose(
     plan: &mut Plan,
     source: LightSource,
     staged: Option<&Staged>,
+    mip_maps: &mut Option<MipMaps>,
 ) -> Result<Choice> {
     let is_free = plan.integrator.is_none();
     let mut integrator_reason = plan.choose_integrator(scene, source == LightSource::Emission);
@@ -202,7 +207,7 @@ pub(crate) fn choose(
         scene.background = background.and_then(Background::color);
         ground::paint(scene, plan.up());
         if source != LightSource::Default && plan.needs_exposure() {
-            choice.exposure = expose(scene, bvh, camera, plan)?;
+            choice.exposure = expose(scene, bvh, camera, plan, mip_maps)?;
         }
         return Ok(choice);
     }
@@ -229,11 +234,11 @@ pub(crate) fn choose(
     }
     let mut strength = 1.0;
     if has_environment {
-        strength = default_light_strength(scene, bvh, camera, &plan.settings)?;
+        strength = default_light_strength(scene, bvh, camera, &plan.settings, mip_maps)?;
         if is_free && plan.integrator == Some(Integrator::Path) && strength > MAX_PATH_STRENGTH {
             plan.choose(Integrator::Hybrid);
             integrator_reason = "little of the default light gets in";
-            strength = default_light_strength(scene, bvh, camera, &plan.settings)?;
+            strength = default_light_strength(scene, bvh, camera, &plan.settings, mip_maps)?;
         }
         set(scene, strength);
     }
@@ -246,8 +251,14 @@ pub(crate) fn choose(
 const MAX_PATH_STRENGTH: f32 = 3.0;
 
 /// Sets the exposure where the lights of the file would give a white or a black picture, reports it, and returns it.
-fn expose(scene: &Scene, bvh: &SceneBvh, camera: &Camera, plan: &mut Plan) -> Result<Option<f32>> {
-    let stops = needed_stops(scene, bvh, camera, &plan.settings)?;
+fn expose(
+    scene: &Scene,
+    bvh: &SceneBvh,
+    camera: &Camera,
+    plan: &mut Plan,
+    mip_maps: &mut Option<MipMaps>,
+) -> Result<Option<f32>> {
+    let stops = needed_stops(scene, bvh, camera, &plan.settings, mip_maps)?;
     if let Some(stops) = stops {
         let what = if stops < 0.0 { "white" } else { "black" };
         output::note(&format!(

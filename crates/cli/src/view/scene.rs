@@ -174,7 +174,11 @@ impl SessionScene {
         self.settle(camera, plan, source)?;
         // No report says where the camera comes from.
         let camera = (camera, CameraSource::Given);
-        render::choose(&mut self.scene, &mut self.bvh, camera, plan, source, staged.as_ref()).map(drop)
+        let mut mip_maps = self.mip_maps.take().map(|(_, known)| known);
+        let chosen =
+            render::choose(&mut self.scene, &mut self.bvh, camera, plan, source, staged.as_ref(), &mut mip_maps);
+        self.mip_maps.replace(mip_maps.map(|known| (plan.settings.lod, known)));
+        chosen.map(drop)
     }
 
     /// Chooses the integrator for a first, coarse picture, with the light as it is.

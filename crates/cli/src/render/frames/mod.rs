@@ -274,7 +274,8 @@ fn render_frame(
         own.plan.look.clone_from(look);
     }
     // By the camera at rest, so that a turntable does not flicker.
-    let choice = setup::choose(scene, bvh, (&camera, of_camera), &mut own.plan, light, staged.as_ref())?;
+    let (plan, mip_maps) = (&mut own.plan, &mut progress.last.mip_maps);
+    let choice = setup::choose(scene, bvh, (&camera, of_camera), plan, light, staged.as_ref(), mip_maps)?;
     progress.decisions.integrator = own.plan.integrator;
     progress.decisions.look = Some(own.plan.look.clone());
     own.output.look = own.plan.look.clone();
