@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 pub struct StageTimes(Mutex<[Duration; 4]>);
 
 impl StageTimes {
-    /// The stages: camera rays without tracing them, traversal, surfaces with lights and scattering, and sums of samples.
+    /// The stages: camera rays without tracing them, traversal, surfaces with lights and scattering, and sums of samples with all that
+    /// receives
+    /// finished tiles.
     pub const STAGES: [&str; 4] = ["camera", "rays", "shading", "film"];
 
     /// Seconds of each of [`StageTimes::STAGES`].
@@ -25,7 +27,7 @@ impl StageTimes {
     }
 }
 
-/// Time of one thread by stage. A stage ends where the next one begins, so that nothing is left out.
+/// Time of one thread by stage. A stage ends where the next one begins, so the sum is all of the time until the last end.
 #[derive(Debug)]
 pub(crate) struct Times {
     last: Instant,
@@ -52,5 +54,30 @@ impl Times {
         let now = Instant::now();
         self.sums[stage as usize] += now - self.last;
         self.last = now;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_moment_belongs_to_the_stage_that_ends_next() {
+        let all = StageTimes::default();
+        let start = Instant::now();
+        let mut times = Times::new();
+        for (stage, milliseconds) in [(Stage::Rays, 4), (Stage::Shading, 2), (Stage::Camera, 0), (Stage::Rays, 4)] {
+            std::thread::sleep(Duration::from_millis(milliseconds));
+            times.end(stage);
+        }
+        let elapsed = start.elapsed().as_secs_f64();
+        all.add(&times);
+        let [camera, rays, shading, film] = all.seconds();
+        assert!(rays >= 0.008 && shading >= 0.002 && film == 0.0, "{rays} {shading} {film}");
+        // What is between the two clocks is a few instructions, unless another process runs.
+        let sum = camera + rays + shading;
+        assert!(sum <= elapsed && sum >= 0.010, "{sum} of {elapsed}");
+        all.add(&times);
+        assert_eq!(all.seconds(), [camera, rays, shading, film].map(|seconds| 2.0 * seconds));
     }
 }

@@ -116,7 +116,7 @@ pub(super) fn of_threads(times: &StageTimes) -> Vec<Fact> {
 const THREAD_SECONDS: [&str; 4] =
     ["camera_thread_seconds", "rays_thread_seconds", "shading_thread_seconds", "film_thread_seconds"];
 
-/// Facts that are sums over frames, beside [`THREAD_SECONDS`].
+/// Facts that are sums over frames, in addition to [`THREAD_SECONDS`].
 const SUMS: [&str; 11] = [
     "load_seconds",
     "build_seconds",

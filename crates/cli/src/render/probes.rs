@@ -139,7 +139,8 @@ pub(super) fn needed_stops(
     Ok(Some((10.0 * stops).round() / 10.0))
 }
 
-/// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree. Uses and keeps mip
+/// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree. Uses and
+/// keeps mip
 /// maps, which may take longer than the picture.
 fn probe(
     scene: &Scene,

@@ -181,7 +181,8 @@ pub(crate) fn decided(
     Ok(LightSource::Default)
 }
 
-/// Chooses the integrator, the light that needs no file with its strength, the exposure for other light, and the background. Uses and keeps the
+/// Chooses the integrator, the light that needs no file with its strength, the exposure for other light, and the background. Uses and
+/// keeps the
 /// mip maps of textures.
 pub(crate) fn choose(
     scene: &mut Scene,

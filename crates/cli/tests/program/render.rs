@@ -73,7 +73,7 @@ fn the_report_is_available_as_json() {
     for key in ["load_seconds", "build_seconds", "trace_seconds", "seconds"] {
         assert!(facts[key].as_f64().unwrap() >= 0.0, "{key}");
     }
-    // Every moment of both threads belongs to a stage.
+    // Of both threads together.
     let stages = ["camera", "rays", "shading", "film"].map(|stage| facts[format!("{stage}_thread_seconds")].as_f64());
     let sum: f64 = stages.map(|seconds| seconds.filter(|&seconds| seconds > 0.0).unwrap()).iter().sum();
     assert!(sum <= 2.0 * facts["trace_seconds"].as_f64().unwrap(), "{facts}");

@@ -125,11 +125,13 @@ const ROUNDS: usize = 3;
 /// The part of the time of a picture that each of two measurements may take.
 const MEASURED_PART: f64 = 0.025;
 
-/// What a raster pass and the compilation of its kernel may take that a driver has not compiled before. Drivers took 0.4 to 3 s for the kernels of a
+/// What a raster pass and the compilation of its kernel may take that a driver has not compiled before. Drivers took 0.4 to 3 s for the
+/// kernels of a
 /// whole sample.
 const TRIAL: Duration = Duration::from_millis(500);
 
-/// The number of cells that a measurement renders, of a picture with this number of cells and of samples of a pixel; `None` where it would take
+/// The number of cells that a measurement renders, of a picture with this number of cells and of samples of a pixel; `None` where it
+/// would take
 /// too large a part of the picture.
 fn measured_cells(n_cells: u32, n_samples: u32) -> Option<u32> {
     let affordable = MEASURED_PART * f64::from(n_cells) * f64::from(n_samples) / (ROUNDS + 1) as f64;

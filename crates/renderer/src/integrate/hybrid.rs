@@ -117,10 +117,9 @@ impl Transport<'_> {
         let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
         let shadows = query.keyed(1 + n).lighting(surface.time);
         direct.throughput = accumulated.throughput;
-        let unoccluded = reflected(&self.lights, surface, square, |to, ray, light| match ray {
+        let unoccluded = reflected(&self.lights, surface, square, |to, ray, light| {
             // The shadow ray to light `k` has number `k`.
-            Some(ray) => shadow_rays.add(ray, LightId::Light(to), shadows.keyed(to), light),
-            None => direct.sum += light,
+            shadow_rays.add(ray, LightId::Light(to), shadows.keyed(to), light);
         });
         if let Some([diffuse, ..]) = accumulated.first.as_mut().filter(|_| n == 0) {
             *diffuse = unoccluded;

@@ -134,7 +134,8 @@ struct DirectLight {
 struct ShadowRay<'a> {
     /// Index of the path.
     path: usize,
-    ray: Ray,
+    /// `None` where the light is too close for an occluder.
+    ray: Option<Ray>,
     to: LightId,
     query: HitFilter<'a>,
     /// What the vertex reflects of the light if nothing occludes it.
@@ -148,7 +149,7 @@ struct ShadowRays<'s, 'a> {
 }
 
 impl<'a> ShadowRays<'_, 'a> {
-    fn add(&mut self, ray: Ray, to: LightId, query: HitFilter<'a>, light: Vec3) {
+    fn add(&mut self, ray: Option<Ray>, to: LightId, query: HitFilter<'a>, light: Vec3) {
         self.all.push(ShadowRay { path: self.path, ray, to, query, light });
     }
 }
@@ -248,8 +249,11 @@ impl Transport<'_> {
             times.end(Stage::Shading);
             for ShadowRay { path, ray, to, mut query, light } in shadow_rays.drain(..) {
                 let Path { accumulated, direct, .. } = &mut paths[path];
-                accumulated.n_rays += 1;
-                if self.lights.is_unoccluded(&ray, to, self.bvh, &mut query) {
+                let is_unoccluded = ray.is_none_or(|ray| {
+                    accumulated.n_rays += 1;
+                    self.lights.is_unoccluded(&ray, to, self.bvh, &mut query)
+                });
+                if is_unoccluded {
                     direct.sum += light;
                 }
             }

@@ -215,10 +215,8 @@ impl Transport<'_> {
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);
             // The shadow ray does not have the number of the ray that leaves the vertex.
-            match self.sample_light(&mut numbers, accumulated, lights, vertex, &bsdf, n) {
-                Some((Some(ray), to, light)) => shadow_rays.add(ray, to, shadows.keyed(0), light),
-                Some((None, _, light)) => direct.sum = light,
-                None => {}
+            if let Some((ray, to, light)) = self.sample_light(&mut numbers, accumulated, lights, vertex, &bsdf, n) {
+                shadow_rays.add(ray, to, shadows.keyed(0), light);
             }
             direct.throughput = Vec3::ONE;
         }

@@ -212,7 +212,7 @@ pub(crate) struct SkySampler<'a> {
     within_rows: Vec<f64>,
     /// Running sums over rows, starting with 0.
     rows: Vec<f64>,
-    /// Where [`invert`] starts in `rows`, and in each row of `within_rows`.
+    /// Where [`invert`] starts in `rows`, and in each row of `within_rows`: half as much memory as the sums.
     row_guide: Vec<u32>,
     column_guides: Vec<u32>,
     /// Cosines of the upper edges of rows, and of the lower edge of the last.

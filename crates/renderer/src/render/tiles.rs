@@ -309,7 +309,10 @@ impl<'a> Schedule<'a> {
                 let mut times = Times::new();
                 while let Some(number) = self.next_for_cpu() {
                     match tiles.tile(number, &mut times, &|| self.is_over(&[number])) {
-                        Some(tile) => self.finish(tile, Worker::Cpu),
+                        Some(tile) => {
+                            self.finish(tile, Worker::Cpu);
+                            times.end(Stage::Film);
+                        }
                         None if self.is_cancelled() => break,
                         // The GPU was first.
                         None => {}

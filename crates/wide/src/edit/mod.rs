@@ -84,7 +84,8 @@ impl std::error::Error for EditError {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 impl<P: Primitive> WideBvh<P> {
-    /// Adds a primitive, in a leaf of its own, where a build puts up to eight spheres into one; returns its number, which is that of primitives
+    /// Adds a primitive, in a leaf of its own, where a build puts up to eight spheres into one; returns its number, which is that of
+    /// primitives
     /// before.
     ///
     /// # Errors

@@ -105,8 +105,11 @@ pub trait Primitive: Send + Sync {
     /// origin and a point of the segment from the segment.
     const HULL: Option<fn(&Self) -> RoundSegment> = None;
 
-    /// A ball around a primitive, as [`Primitive::HULL`]: for shapes that are about as long as they are wide, and tested sooner. Where there is one,
-    /// `HULL` is not used.
+    /// A ball around a primitive, as [`Primitive::HULL`]: for shapes that are about as long as they are wide, and cheaper to test. Points
+    /// that
+    /// [`Primitive::intersect`] reports must be within 2^-24 of the greatest distance between the ray's origin and a point of the ball
+    /// from the ball, whatever
+    /// [`Primitive::ERROR`] is; otherwise hits are lost. Where there is one, `HULL` is not used.
     const BALL: Option<fn(&Self) -> Sphere> = None;
 
     /// A box around the primitive, object space: finite, not empty.

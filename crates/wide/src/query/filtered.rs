@@ -1,4 +1,5 @@
-//! Rays through a BVH over primitives with hulls: leaves test eight hulls at once, and then the primitives that the ray may reach, in this order.
+//! Rays through a BVH over primitives with hulls: leaves test eight hulls at once, and then the primitives that the ray may reach, in
+//! this order.
 
 use canted_obb::PrimId;
 use canted_trace::ScaledRay;
@@ -131,7 +132,7 @@ enum Filter<S: Simd> {
     Hulls(RayLine<S>),
 }
 
-/// Up to so many primitives of a leaf are tested sooner than their hulls; balls never.
+/// Up to so many primitives of a leaf are cheaper to test than their hulls; balls never.
 const FEW: usize = 1;
 
 /// Tests the hulls of leaves, eight at a time.

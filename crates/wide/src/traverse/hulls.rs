@@ -87,11 +87,16 @@ impl<S: Simd> RayLine<S> {
     /// they are as near, by 3 u of theirs; [`ALONG`] is more than both, and more than the test may be off by.
     ///
     /// # Where the ray enters
-    /// A point of the segment on the line is within `r` of the point at some `s'` of the axis, whose position along the line is at most `r·D` beyond. That
-    /// point is `(s' - s)·|c|/D` farther along the axis than the nearest one, at `s`, clamped or not: so that is at most `r`. With the errors of `s` and of the test, which
-    /// `E` and the rest of [`ERROR`] hold, `(s' - s)²·c²` is at most the squared reach of the comparison. So the position is at least that at `s`, less the step along the line of
-    /// `reach/|c|`, less `r·D`. Where R is at most 2^10, `|c|` is off by 2^-11.8, which [`WIDER`] exceeds; elsewhere, and where `c²` is below 2^-100,
-    /// the nearer end bounds the entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6 u·A·D of the step.
+    /// A point of the segment on the line is within `r` of the point at some `s'` of the axis, whose position along the line is at most
+    /// `r·D` beyond. That
+    /// point is `(s' - s)·|c|/D` farther along the axis than the nearest one, at `s`, clamped or not: so that is at most `r`. With the
+    /// errors of `s` and of the test, which
+    /// `E` and the rest of [`ERROR`] hold, `(s' - s)²·c²` is at most the squared reach of the comparison. So the position is at least
+    /// that at `s`, less the step along the line of
+    /// `reach/|c|`, less `r·D`. Where R is at most 2^10, `|c|` is off by 2^-11.8, which [`WIDER`] exceeds; elsewhere, and where `c²` is
+    /// below 2^-100,
+    /// the nearer end bounds the entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6
+    /// u·A·D of the step.
     #[inline(always)]
     pub(crate) fn near(&self, simd: S, rows: [S::F; 8], t_max: f32) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;

@@ -19,8 +19,9 @@ impl<S: Simd> Reached<S> {
         !simd.lt(simd.splat(t_max * self.squared), self.from) & 0xff
     }
 
-    /// Calls `visit` with the lanes in the order in which the ray may reach them, and with the `t` that is still searched, which it returns; a negative number ends it.
-    /// Lanes beyond that are passed over.
+    /// Calls `visit` with the lanes in the order in which the ray may reach them, and with the `t` that is still searched, which it
+    /// returns; a negative number ends it.
+    /// Lanes beyond that are skipped.
     #[inline(always)]
     pub(crate) fn each(self, simd: S, mut t_max: f32, visit: &mut impl VisitLane) -> f32 {
         let mut lanes = self.lanes;
@@ -50,4 +51,59 @@ impl<S: Simd> Reached<S> {
 pub(crate) trait VisitLane {
     /// Returns the new `t_max`.
     fn lane(&mut self, lane: usize, t_max: f32) -> f32;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SimdPath;
+    use crate::simd::Task;
+
+    /// Remembers the lanes, and finds a hit at its bound in each lane of `hits`.
+    struct Remembered<'a> {
+        from: &'a [f32; 8],
+        hits: u32,
+        lanes: Vec<usize>,
+    }
+
+    impl VisitLane for Remembered<'_> {
+        fn lane(&mut self, lane: usize, t_max: f32) -> f32 {
+            self.lanes.push(lane);
+            if self.hits >> lane & 1 != 0 { t_max.min(self.from[lane]) } else { t_max }
+        }
+    }
+
+    struct Each<'a>(u32, &'a [f32; 8], u32);
+
+    impl Task for Each<'_> {
+        type Output = (Vec<usize>, f32);
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> Self::Output {
+            let Self(lanes, from, hits) = self;
+            let reached = Reached { lanes, from: simd.load(from), squared: 1.0 };
+            let mut visit = Remembered { from, hits, lanes: vec![] };
+            let t_max = reached.each(simd, 10.0, &mut visit);
+            (visit.lanes, t_max)
+        }
+    }
+
+    #[test]
+    fn lanes_are_visited_nearest_first_up_to_the_hit() {
+        let from = [3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0, 6.0];
+        for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+            let each = |lanes, hits| path.available().run(Each(lanes, &from, hits));
+            assert_eq!(each(0, 0), (vec![], 10.0));
+            assert_eq!(each(0b1000_0000, 0), (vec![7], 10.0));
+            assert_eq!(each(0xff, 0), (vec![1, 3, 6, 0, 2, 4, 7, 5], 10.0));
+            // Equal bounds are visited, greater ones are not.
+            assert_eq!(each(0xff, 0b10), (vec![1, 3], 1.0));
+            assert_eq!(each(0b1111_0101, 0b1), (vec![6, 0], 3.0));
+            // What is not a number is visited, whatever was found.
+            let from = [f32::NAN, 7.0, 2.0, f32::NAN, 1.0, 8.0, 8.0, 8.0];
+            let (mut lanes, t_max) = path.available().run(Each(0xff, &from, 0b1_0000));
+            lanes.sort_unstable();
+            assert_eq!((lanes, t_max), (vec![0, 3, 4], 1.0), "{}", path.name());
+        }
+    }
 }

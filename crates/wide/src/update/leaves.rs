@@ -173,7 +173,8 @@ impl Eight {
 
     /// Mask of the lanes that may hold a triangle without area; the others certainly hold none.
     ///
-    /// In a plane of two axes, the doubled area is `left - right`, two products of differences. In f32, without over- or underflow, it is off by less than
+    /// In a plane of two axes, the doubled area is `left - right`, two products of differences. In f32, without over- or underflow, it is
+    /// off by less than
     /// `(3 + 16 u)·u·(|left| + |right|)` (Shewchuk 1997), u = 2^-24: 4 u cover that and the rounding of the bound. Where their sum
     /// exceeds 2^-100, what a product loses by underflow, at most 2^-149, is far below the spare.
     #[inline(always)]

@@ -124,7 +124,8 @@ impl Task for Ends<'_> {
 }
 
 impl Ends<'_> {
-    /// Eight points by coordinate: those from `first` on, the last eight where fewer are left, and some repeated where fewer are there at all.
+    /// Eight points by coordinate: those from `first` on, the last eight where fewer are left, and some repeated where fewer are there at
+    /// all.
     #[inline(always)]
     fn eight<S: Simd>(&self, simd: S, first: usize) -> [S::F; 3] {
         let [x, y, z] = self.by_axis;
