@@ -11,7 +11,7 @@ use crate::leaf::{Primitive, Shapes, hit};
 use crate::node::NodeKind;
 use crate::simd::{Simd, Task};
 use crate::traverse::{
-    LeafRange, RayLanes, RayLine, RayToBalls, Reached, TracedRay, VisitLane, Visitor, numbers, numbers_of_ball, walk,
+    LeafRange, RayLanes, RayLine, Reached, TracedRay, VisitLane, Visitor, numbers, numbers_of_ball, walk,
 };
 
 impl<P: Primitive> WideBvh<P> {
@@ -111,12 +111,11 @@ impl<P: Primitive, T: Test> Task for Filtered<'_, P, T> {
         let Self { bvh, ray, order, stack, test } = self;
         let lanes = RayLanes::new(simd, &ray.numbers);
         let Shapes { order: ids, primitives } = &bvh.leaves;
-        let filter = if P::BALL.is_some() {
-            Filter::Balls(RayToBalls::new(simd, &ray.scaled))
-        } else {
-            Filter::Hulls(RayLine::new(simd, &ray.scaled))
+        let line = match P::BALL {
+            Some(_) => RayLine::to_balls(simd, &ray.scaled),
+            None => RayLine::to_segments(simd, &ray.scaled),
         };
-        let mut leaves = Leaves { simd, ids, primitives, filter, test, visits: Visits::default() };
+        let mut leaves = Leaves { simd, ids, primitives, line, test, visits: Visits::default() };
         let t_max = ray.scaled.t_max;
         match order {
             Order::Nearest => walk::<S, true>(simd, &bvh.nodes, &lanes, t_max, stack, &mut leaves),
@@ -124,12 +123,6 @@ impl<P: Primitive, T: Test> Task for Filtered<'_, P, T> {
         }
         leaves.visits
     }
-}
-
-/// The ray as the hulls of the primitives need it.
-enum Filter<S: Simd> {
-    Balls(RayToBalls<S>),
-    Hulls(RayLine<S>),
 }
 
 /// Up to so many primitives of a leaf are cheaper to test than their hulls; balls never.
@@ -140,7 +133,7 @@ struct Leaves<'a, S: Simd, P, T> {
     simd: S,
     ids: &'a [PrimId],
     primitives: &'a [P],
-    filter: Filter<S>,
+    line: RayLine<S>,
     test: T,
     visits: Visits,
 }
@@ -151,21 +144,20 @@ impl<S: Simd, P: Primitive, T: Test> Leaves<'_, S, P, T> {
     fn reached(&self, ids: &[PrimId], t_max: f32) -> Reached<S> {
         let simd = self.simd;
         let mut rows = [simd.splat(0.0); 8];
-        let mut reached = match &self.filter {
-            Filter::Balls(line) => {
-                let ball = P::BALL.expect("the filter is one of balls");
+        let mut reached = match P::BALL {
+            Some(ball) => {
                 for (row, id) in rows.iter_mut().zip(ids) {
                     *row = simd.load_half(&numbers_of_ball(&ball(&self.primitives[id.index()])));
                 }
                 let [x, y, z, radius, ..] = simd.transpose(rows);
-                line.near(simd, [x, y, z, radius], t_max)
+                self.line.near_balls(simd, [x, y, z, radius], t_max)
             }
-            Filter::Hulls(line) => {
-                let hull = P::HULL.expect("the filter is one of hulls");
+            None => {
+                let hull = P::HULL.expect("filtered primitives have a ball or a segment around them");
                 for (row, id) in rows.iter_mut().zip(ids) {
                     *row = simd.load(&numbers(&hull(&self.primitives[id.index()])));
                 }
-                line.near(simd, simd.transpose(rows), t_max)
+                self.line.near_segments(simd, simd.transpose(rows), t_max)
             }
         };
         reached.lanes &= (1 << ids.len()) - 1;

@@ -4,45 +4,17 @@ use canted_trace::lanes::UNIT_ROUNDOFF as U;
 use canted_trace::{ScaledRay, Sphere};
 
 use super::block::norm;
-use super::ray::splat3;
-use super::reach::Reached;
+use super::reach::{RayLine, Reached};
 use crate::simd::Simd;
 
 /// More than all roundings of the distance between a line and a center, and of a position along the line, relative to the sizes.
 const ERRORS: [f32; 2] = [10.0 * U, 32.0 * U];
 
-/// The line of a ray, in every lane.
-pub(crate) struct RayToBalls<S: Simd> {
-    origin: [S::F; 3],
-    direction: [S::F; 3],
-    direction_squared: f32,
-    /// At least the length of the direction.
-    length: S::F,
-    /// Where the ray starts, times the square of the direction.
-    start: S::F,
-    /// See [`ERRORS`].
-    errors: [S::F; 2],
-}
-
-impl<S: Simd> RayToBalls<S> {
+impl<S: Simd> RayLine<S> {
+    /// For [`RayLine::near_balls`].
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
-        Self::with_errors(simd, ray, ERRORS)
-    }
-
-    /// As [`RayToBalls::new`], with other errors than [`ERRORS`].
-    #[inline(always)]
-    pub(crate) fn with_errors(simd: S, ray: &ScaledRay, errors: [f32; 2]) -> Self {
-        let [x, y, z] = ray.direction;
-        let direction_squared = x * x + y * y + z * z;
-        Self {
-            origin: splat3(simd, ray.origin),
-            direction: splat3(simd, ray.direction),
-            direction_squared,
-            length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
-            start: simd.splat(ray.t_min * direction_squared),
-            errors: [simd.splat(errors[0]), simd.splat(errors[1])],
-        }
+    pub(crate) fn to_balls(simd: S, ray: &ScaledRay) -> Self {
+        Self::new(simd, ray, ERRORS)
     }
 
     /// Lanes whose ball the ray may hit at `t_min <= t <= t_max`; rows of the coordinates of the centers, and of the radii.
@@ -64,7 +36,7 @@ impl<S: Simd> RayToBalls<S> {
     /// 32 u·(|m|₁ + r)·D is more than all of that, the root's share and what the test may be off by. [`TINY`] covers what underflows,
     /// also below the root; balls much smaller than it, in scaled coordinates, are all kept. What overflows or is NaN is kept.
     #[inline(always)]
-    pub(crate) fn near(&self, simd: S, [x, y, z, radius]: [S::F; 4], t_max: f32) -> Reached<S> {
+    pub(crate) fn near_balls(&self, simd: S, [x, y, z, radius]: [S::F; 4], t_max: f32) -> Reached<S> {
         let d = self.direction;
         let m = [simd.sub(x, self.origin[0]), simd.sub(y, self.origin[1]), simd.sub(z, self.origin[2])];
         let across = [
@@ -120,9 +92,9 @@ mod tests {
         #[inline(always)]
         fn on<S: Simd>(self, simd: S) -> bool {
             let Self(ball, ray, t_max, errors) = self;
-            let line = RayToBalls::with_errors(simd, ray, errors);
+            let line = RayLine::new(simd, ray, errors);
             let rows = numbers_of_ball(ball).map(|x| simd.splat(x));
-            let lanes = line.near(simd, rows, t_max).lanes;
+            let lanes = line.near_balls(simd, rows, t_max).lanes;
             assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
             lanes != 0
         }

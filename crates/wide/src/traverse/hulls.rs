@@ -4,8 +4,7 @@ use canted_trace::lanes::UNIT_ROUNDOFF as U;
 use canted_trace::{RoundSegment, ScaledRay};
 
 use super::block::norm;
-use super::ray::splat3;
-use super::reach::Reached;
+use super::reach::{RayLine, Reached};
 use crate::simd::Simd;
 
 /// How much of the squared radius counts: 9/8, and the roundings of the comparison.
@@ -29,38 +28,14 @@ const WIDER: f32 = 1.0 + 1.0 / 1024.0;
 /// Squares from here on lose nothing by underflow.
 const LEAST: f32 = f32::from_bits((127 - 100) << 23);
 
-/// The line of a ray, in every lane.
-pub(crate) struct RayLine<S: Simd> {
-    origin: [S::F; 3],
-    direction: [S::F; 3],
-    direction_squared: f32,
-    /// At least the length of the direction.
-    length: S::F,
-    /// Where the ray starts, times the square of the direction.
-    start: S::F,
-    /// See [`ERROR`] and [`ALONG`].
-    errors: [S::F; 2],
-}
+/// See [`ERROR`] and [`ALONG`].
+const ERRORS: [f32; 2] = [ERROR, ALONG];
 
 impl<S: Simd> RayLine<S> {
+    /// For [`RayLine::near_segments`].
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
-        Self::with_errors(simd, ray, [ERROR, ALONG])
-    }
-
-    /// As [`RayLine::new`], with other errors than [`ERROR`] and [`ALONG`].
-    #[inline(always)]
-    pub(crate) fn with_errors(simd: S, ray: &ScaledRay, errors: [f32; 2]) -> Self {
-        let [x, y, z] = ray.direction;
-        let direction_squared = x * x + y * y + z * z;
-        Self {
-            origin: splat3(simd, ray.origin),
-            direction: splat3(simd, ray.direction),
-            direction_squared,
-            length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
-            start: simd.splat(ray.t_min * direction_squared),
-            errors: [simd.splat(errors[0]), simd.splat(errors[1])],
-        }
+    pub(crate) fn to_segments(simd: S, ray: &ScaledRay) -> Self {
+        Self::new(simd, ray, ERRORS)
     }
 
     /// Lanes whose round segment the ray may come near at `t_min <= t <= t_max`; rows as [`numbers`] has them.
@@ -98,7 +73,7 @@ impl<S: Simd> RayLine<S> {
     /// the nearer end bounds the entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6
     /// u·A·D of the step.
     #[inline(always)]
-    pub(crate) fn near(&self, simd: S, rows: [S::F; 8], t_max: f32) -> Reached<S> {
+    pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], t_max: f32) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;
         let [zero, one] = [0.0, 1.0].map(|x| simd.splat(x));
         let sub = |a: [S::F; 3], b: [S::F; 3]| [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])];
@@ -174,9 +149,9 @@ mod tests {
         #[inline(always)]
         fn on<S: Simd>(self, simd: S) -> bool {
             let Self(segment, ray, t_max, errors) = self;
-            let line = RayLine::with_errors(simd, ray, errors);
+            let line = RayLine::new(simd, ray, errors);
             let rows = numbers(segment).map(|x| simd.splat(x));
-            let lanes = line.near(simd, rows, t_max).lanes;
+            let lanes = line.near_segments(simd, rows, t_max).lanes;
             assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
             lanes != 0
         }
@@ -213,8 +188,6 @@ mod tests {
             (ray.t_min <= exit.t && entry.t <= ray.t_max).then_some((segment, ray))
         })
     }
-
-    const ERRORS: [f32; 2] = [ERROR, ALONG];
 
     #[test]
     fn no_segment_that_a_ray_hits_is_skipped() {

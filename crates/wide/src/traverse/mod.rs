@@ -74,12 +74,12 @@ mod ray;
 mod reach;
 mod walk;
 
-pub(crate) use balls::{RayToBalls, numbers_of_ball};
+pub(crate) use balls::numbers_of_ball;
 pub(crate) use block::{Block, RayTriangles, SHRINK};
 pub(crate) use eight::{EightRays, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
-pub(crate) use hulls::{RayLine, numbers};
+pub(crate) use hulls::numbers;
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
-pub(crate) use reach::{Reached, VisitLane};
+pub(crate) use reach::{RayLine, Reached, VisitLane};
 pub(crate) use walk::LeafRange;
 pub(crate) use walk::{Visitor, walk};

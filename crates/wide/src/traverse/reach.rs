@@ -1,6 +1,39 @@
 //! Which of eight primitives a ray may reach, and where at the earliest.
 
+use canted_trace::ScaledRay;
+use canted_trace::lanes::UNIT_ROUNDOFF as U;
+
+use super::ray::splat3;
 use crate::simd::Simd;
+
+/// The line of a ray, in every lane.
+pub(crate) struct RayLine<S: Simd> {
+    pub(super) origin: [S::F; 3],
+    pub(super) direction: [S::F; 3],
+    pub(super) direction_squared: f32,
+    /// At least the length of the direction.
+    pub(super) length: S::F,
+    /// Where the ray starts, times the square of the direction.
+    pub(super) start: S::F,
+    /// Those of the filter that the line is for.
+    pub(super) errors: [S::F; 2],
+}
+
+impl<S: Simd> RayLine<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, ray: &ScaledRay, errors: [f32; 2]) -> Self {
+        let [x, y, z] = ray.direction;
+        let direction_squared = x * x + y * y + z * z;
+        Self {
+            origin: splat3(simd, ray.origin),
+            direction: splat3(simd, ray.direction),
+            direction_squared,
+            length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
+            start: simd.splat(ray.t_min * direction_squared),
+            errors: [simd.splat(errors[0]), simd.splat(errors[1])],
+        }
+    }
+}
 
 /// Primitives that a ray may hit. What is NaN is among them.
 #[derive(Clone, Copy)]
