@@ -30,6 +30,14 @@ impl End {
     fn of(is_well: bool) -> Self {
         if is_well { Self::Passed } else { Self::Failed(String::new()) }
     }
+
+    /// The same end; a failure that says nothing names its place.
+    fn at(self, place: &str) -> Self {
+        match self {
+            Self::Failed(lines) if lines.is_empty() => Self::Failed(place.to_owned()),
+            other => other,
+        }
+    }
 }
 
 type Step = (&'static str, fn() -> Result<End>);
@@ -102,9 +110,10 @@ fn if_installed(name: &str, command: &mut Command) -> Result<End> {
 }
 
 fn formatting() -> Result<End> {
-    let mut end = if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))?;
-    for manifest in [python::MANIFEST, browser::MANIFEST] {
-        end = both(end, || if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", manifest, "--all", "--check"])))?;
+    let mut end = End::Passed;
+    for manifest in ["Cargo.toml", python::MANIFEST, browser::MANIFEST] {
+        let mut check = cargo(&["fmt", "--manifest-path", manifest, "--all", "--check"]);
+        end = both(end, || if_installed("fmt", &mut check).map(|end| end.at(manifest)))?;
     }
     Ok(end)
 }
@@ -138,7 +147,7 @@ fn documentation() -> Result<End> {
 fn features() -> Result<End> {
     let (check, flags): (_, &[_]) =
         if has_cargo_command("clippy") { ("clippy", &["--", "-D", "warnings"]) } else { ("check", &[]) };
-    let mut is_well = true;
+    let mut failed = Vec::new();
     for (package, features) in command::packages_with_features()? {
         // Without `std` and `libm` there is no square root: every other feature is checked together with `std`.
         let needs_math = features.iter().any(|feature| feature == "libm");
@@ -146,15 +155,18 @@ fn features() -> Result<End> {
         // Windows of other systems and their toolkit take minutes; `cargo clippy -p canted-cli --features view` checks it.
         let features = features.iter().map(String::as_str).filter(|&feature| feature != "view");
         for feature in none.into_iter().chain(features) {
-            say(&format!("{package}, {}", if feature.is_empty() { "no feature" } else { feature }));
+            let name = format!("{package}, {}", if feature.is_empty() { "no feature" } else { feature });
+            say(&name);
             let root = if needs_math && feature != "libm" { "std," } else { "" };
             let features = format!("{root}{feature}");
             // Not its tests: what they depend on turns features on again.
             let args = [check, "--package", &package, "--no-default-features", "--features", &features];
-            is_well &= succeeds(cargo(&args).args(flags))?;
+            if !succeeds(cargo(&args).args(flags))? {
+                failed.push(name);
+            }
         }
     }
-    Ok(End::of(is_well))
+    Ok(if failed.is_empty() { End::Passed } else { End::Failed(failed.join("\n")) })
 }
 
 /// Checks the library with the oldest supported compiler, where it is installed.

@@ -56,8 +56,7 @@ async fn traced(window: &Window, without_first: bool) -> Result<Value, Failure> 
     let trace = milliseconds(start);
     let device_hits = hits_of(&outcomes);
     let shadow_rays = view.shadow_rays(&device_hits);
-    let shadow_outcomes =
-        scene.occluded(&gpu, &shadow_rays.iter().flatten().copied().collect::<Vec<_>>()).await?;
+    let shadow_outcomes = scene.occluded(&gpu, &shadow_rays.iter().flatten().copied().collect::<Vec<_>>()).await?;
     draw(&document, "device", &view.picture(&device_hits, &spread(&shadow_rays, &shadow_outcomes)))?;
 
     let start = Instant::now();

@@ -140,8 +140,12 @@ fn render(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSour
     let choice_time = start.elapsed().saturating_sub(bvh.build_time);
     job.output.look = job.plan.look.clone();
     let view = Frame { scene, bvh: &bvh, camera: &camera, choice, label: "" };
-    let mut rendered =
-        render_picture(&view, job, machine, &mut LastFrame { mip_maps, ..LastFrame::default() })?.rendered;
+    let mut last = LastFrame {
+        mip_maps,
+        #[cfg(feature = "gpu")]
+        device: None,
+    };
+    let mut rendered = render_picture(&view, job, machine, &mut last)?.rendered;
     rendered.facts.push(("choice_seconds", json!(choice_time.as_secs_f64())));
     Ok(rendered)
 }
