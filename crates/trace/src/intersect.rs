@@ -226,7 +226,8 @@ pub trait Intersect: Send + Sync {
         }
     }
 
-    /// The closest hit of each ray.
+    /// The closest hit of each ray. Put rays that are alike one after another, as those of neighboring pixels: BVHs over triangles without oriented
+    /// nodes may walk with 16 of them at once.
     fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         check(rays, hits);
         self.answer(rays, 0, None, Answers::Closest(hits));

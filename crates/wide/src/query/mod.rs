@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each query that is not plain
+//! slices       slices of rays through triangles; those that are alike walk in groups
 //! primitives   tests of the caller, called from the traversal for each leaf
 //! filtered     the same, after filters that test eight primitives at a time inside of the traversal
 //! boxes        a function of the caller, called for each box
@@ -15,6 +16,7 @@ mod filtered;
 mod moving;
 mod primitives;
 mod sink;
+mod slices;
 mod triangles;
 
 #[cfg(test)]

@@ -11,12 +11,13 @@ use canted_trace::{
 };
 
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
+use super::slices::{AllOfSlice, Slice, stack_len_of_slices};
 use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
 use crate::simd::{Simd, Task};
 use crate::traverse::{
-    Block, EightRays, LeafRange, Pads, RayLanes, RayNumbers, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk,
+    Block, LeafRange, Pads, RayLanes, RayNumbers, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk,
 };
 
 /// Pads for the default triangle test.
@@ -88,7 +89,7 @@ impl Intersect for TriangleBvh {
     }
 
     fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
-        with_stack(self.stack_len(), |stack| {
+        with_stack(stack_len_of_slices(self), |stack| {
             let (bvh, is_plain) = (self, accept.is_none());
             if self.leaves.test == TriangleTest::Watertight {
                 return match answers {
@@ -167,7 +168,7 @@ impl TriangleBvh {
         TracedRay::new(ray, &self.frame, self.pads())
     }
 
-    fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (Option<Hit>, Visits) {
+    pub(super) fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (Option<Hit>, Visits) {
         let mut best = BestHit::<false>::new(query);
         self.pass_hits(ray, &mut best, stack);
         let visits = best.visits;
@@ -175,9 +176,15 @@ impl TriangleBvh {
     }
 
     fn occluded_by(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        self.any(ray, query, stack).0
+    }
+
+    /// Whether there is a hit, and the work.
+    pub(super) fn any(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (bool, Visits) {
         let mut any = AnyHit::<false>::new(query);
         self.pass_hits(ray, &mut any, stack);
-        any.found()
+        let visits = any.visits;
+        (any.found(), visits)
     }
 
     fn every(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
@@ -277,106 +284,6 @@ impl Task for PlainOccluded<'_> {
     }
 }
 
-/// The answers for a slice of rays, of which the first has the index `first`, with the default triangle test; without `accept`, where
-/// `PLAIN`.
-struct Slice<'a, const PLAIN: bool, A> {
-    bvh: &'a TriangleBvh,
-    rays: &'a [Ray],
-    first: usize,
-    accept: Option<&'a AcceptAt<'a>>,
-    answers: &'a mut [A],
-    stack: &'a mut [u64],
-}
-
-impl<const PLAIN: bool> Task for Slice<'_, PLAIN, Option<Hit>> {
-    type Output = ();
-
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) {
-        let Self { bvh, rays, mut first, accept, answers, stack } = self;
-        let mut eight = EightRays::new();
-        for (rays, hits) in rays.chunks(8).zip(answers.chunks_mut(8)) {
-            eight.prepare(simd, rays, &bvh.frame, PADS);
-            for (lane, (given, hit)) in rays.iter().zip(hits).enumerate() {
-                *hit = None;
-                let Some(ray) = eight.ray(lane, given) else { continue };
-                let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + lane, given, hit)));
-                let mut best = BestHit::<PLAIN>::new(&mut filter);
-                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut best);
-                *hit = best.hit(&ray.scaled);
-            }
-            first += 8;
-        }
-    }
-}
-
-impl<const PLAIN: bool> Task for Slice<'_, PLAIN, bool> {
-    type Output = ();
-
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) {
-        let Self { bvh, rays, mut first, accept, answers, stack } = self;
-        let mut eight = EightRays::new();
-        for (rays, occluded) in rays.chunks(8).zip(answers.chunks_mut(8)) {
-            eight.prepare(simd, rays, &bvh.frame, PADS);
-            for (lane, (given, occluded)) in rays.iter().zip(occluded).enumerate() {
-                *occluded = false;
-                let Some(ray) = eight.ray(lane, given) else { continue };
-                let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + lane, given, hit)));
-                let mut any = AnyHit::<PLAIN>::new(&mut filter);
-                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut any);
-                *occluded = any.found();
-            }
-            first += 8;
-        }
-    }
-}
-
-/// All hits of each ray of a slice, with the default triangle test.
-struct AllOfSlice<'a> {
-    bvh: &'a TriangleBvh,
-    rays: &'a [Ray],
-    first: usize,
-    accept: Option<&'a AcceptAt<'a>>,
-    answers: Answers<'a>,
-    stack: &'a mut [u64],
-}
-
-impl Task for AllOfSlice<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) {
-        let Self { bvh, rays, first, accept, mut answers, stack } = self;
-        let mut eight = EightRays::new();
-        for (i, given) in rays.iter().enumerate() {
-            let lane = i % 8;
-            if lane == 0 {
-                eight.prepare(simd, &rays[i..rays.len().min(i + 8)], &bvh.frame, PADS);
-            }
-            let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
-            // Not in a function that `Answers::fill` calls: it might not be inlined where the instructions are enabled.
-            let hits = match &mut answers {
-                Answers::All(hits) => {
-                    hits[i].clear();
-                    &mut hits[i]
-                }
-                Answers::Lists(lists) => lists.next_ray(),
-                Answers::Closest(_) | Answers::Occluded(_) => unreachable!("they have slices of their own"),
-            };
-            if let Some(ray) = eight.ray(lane, given) {
-                let mut all = AllHits::new(&mut filter, hits);
-                all.may_reject = accept.is_some();
-                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut all);
-                all.finish(&ray.scaled);
-            }
-            if let Answers::Lists(lists) = &mut answers {
-                lists.end_ray();
-            }
-        }
-    }
-}
-
 /// Passes all hits of a ray to a sink; the triangle test is the default where `WATERTIGHT`.
 struct PassHits<'a, T, const WATERTIGHT: bool> {
     bvh: &'a TriangleBvh,
@@ -435,12 +342,12 @@ fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 }
 
 /// Tests the triangles of each leaf that a ray enters, eight at a time.
-struct TriangleLeaves<'a, S: Simd, T, const WATERTIGHT: bool> {
-    simd: S,
-    halves: &'a [HalfBlock],
-    prepared: RayTriangles<S>,
-    ray: &'a ScaledRay,
-    sink: &'a mut T,
+pub(super) struct TriangleLeaves<'a, S: Simd, T, const WATERTIGHT: bool> {
+    pub(super) simd: S,
+    pub(super) halves: &'a [HalfBlock],
+    pub(super) prepared: RayTriangles<S>,
+    pub(super) ray: &'a ScaledRay,
+    pub(super) sink: &'a mut T,
 }
 
 impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_, S, T, WATERTIGHT> {

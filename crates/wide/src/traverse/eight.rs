@@ -17,7 +17,11 @@ pub(crate) struct EightRays {
     t_max: [f32; 8],
     /// Origins as they were given.
     origin: [[f32; 8]; 3],
-    numbers: RayNumbers<[f32; 8]>,
+    /// Origins along the rows of the mesh frame, of rays within the range of the lanes.
+    pub(super) along: [[f32; 8]; 3],
+    /// Whether all are rays that can hit, within the range of the lanes.
+    are_all: bool,
+    pub(super) numbers: RayNumbers<[f32; 8]>,
 }
 
 /// The least power of two whose reciprocal is not normal, 2^127.
@@ -36,13 +40,23 @@ impl EightRays {
             direction: zeros,
             pad_oriented: zero,
         };
-        Self { valid: 0, beyond: 0, to_scaled: [0.0; 8], t_max: zero, origin: zeros, numbers }
+        Self {
+            valid: 0,
+            beyond: 0,
+            to_scaled: [0.0; 8],
+            t_max: zero,
+            origin: zeros,
+            along: zeros,
+            are_all: false,
+            numbers,
+        }
     }
 
     /// Prepares the first eight of `rays`, in the memory of earlier ones: copies would take as long as a node.
     #[inline(always)]
     pub(crate) fn prepare<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
         self.prepare_in_range(simd, rays, frame, pads);
+        self.are_all = self.valid & !self.beyond == 0xff;
         if self.beyond != 0 {
             self.set_beyond(rays, frame, pads);
         }
@@ -129,6 +143,7 @@ impl EightRays {
             let (o, d) = (rotate(frame, &origin_rows), rotate(frame, &direction_rows));
             (load3(simd, &o), load3(simd, &d), pad(simd, pads.rotated, scale))
         };
+        self.along = [simd.store(o[0]), simd.store(o[1]), simd.store(o[2])];
         let numbers = &mut self.numbers;
         for k in 0..3 {
             let d = simd.add(d[k], zero);
@@ -164,6 +179,12 @@ impl EightRays {
         numbers.pad_oriented[i] = of.pad_oriented;
         self.t_max[i] = ray.t_max;
         self.to_scaled[i] = ray.scale();
+    }
+
+    /// Whether all are rays that can hit, within the range of the lanes.
+    #[inline(always)]
+    pub(super) fn are_all(&self) -> bool {
+        self.are_all
     }
 
     /// Ray `i`, one of the first eight, which is `given`; `None` where it cannot hit.

@@ -1,0 +1,511 @@
+//! Slices of rays through triangles: prepared eight at a time, and walked together where that is less work.
+//!
+//! Rays with directions of equal signs can walk in groups ([`RayGroup`]). Whether that is less work is counted, not timed: now and then the rays of
+//! a group walk one by one, and what they visit is the most that the next groups may visit. Hits are the same either way.
+
+use canted_trace::{Accept, AcceptAt, Answers, Hit, Query, Ray, ScaledRay};
+
+use super::sink::{AllHits, AnyHit, BestHit, HitSink, Visits};
+use super::triangles::{PADS, TriangleLeaves, pass_hits};
+use crate::bvh::TriangleBvh;
+use crate::node::HalfBlock;
+use crate::simd::{Simd, Task};
+use crate::traverse::{BLOCK, EightRays, GROUP, GroupLeaves, LeafRange, RayGroup, RayTriangles, TracedRay, Visitor};
+
+/// What a ray of a slice gets.
+pub(super) trait SliceAnswer: Sized {
+    /// Of a ray that cannot hit.
+    const NONE: Self;
+
+    type Sink<'a, const PLAIN: bool>: HitSink;
+
+    fn sink<const PLAIN: bool>(query: &mut dyn Query) -> Self::Sink<'_, PLAIN>;
+
+    /// The answer of a ray whose hits the sink has got.
+    fn of<const PLAIN: bool>(sink: Self::Sink<'_, PLAIN>, ray: &ScaledRay) -> Self;
+
+    /// The answer of a ray, and the work.
+    fn counted(bvh: &TriangleBvh, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (Self, Visits);
+}
+
+impl SliceAnswer for Option<Hit> {
+    const NONE: Self = None;
+
+    type Sink<'a, const PLAIN: bool> = BestHit<'a, PLAIN>;
+
+    #[inline(always)]
+    fn sink<const PLAIN: bool>(query: &mut dyn Query) -> BestHit<'_, PLAIN> {
+        BestHit::new(query)
+    }
+
+    #[inline(always)]
+    fn of<const PLAIN: bool>(sink: BestHit<'_, PLAIN>, ray: &ScaledRay) -> Self {
+        sink.hit(ray)
+    }
+
+    fn counted(bvh: &TriangleBvh, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (Self, Visits) {
+        bvh.closest(ray, query, stack)
+    }
+}
+
+impl SliceAnswer for bool {
+    const NONE: Self = false;
+
+    type Sink<'a, const PLAIN: bool> = AnyHit<'a, PLAIN>;
+
+    #[inline(always)]
+    fn sink<const PLAIN: bool>(query: &mut dyn Query) -> AnyHit<'_, PLAIN> {
+        AnyHit::new(query)
+    }
+
+    #[inline(always)]
+    fn of<const PLAIN: bool>(sink: AnyHit<'_, PLAIN>, _: &ScaledRay) -> Self {
+        sink.found()
+    }
+
+    fn counted(bvh: &TriangleBvh, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (Self, Visits) {
+        bvh.any(ray, query, stack)
+    }
+}
+
+/// Entries of memory that a slice needs: groups need twice those of a ray.
+pub(super) fn stack_len_of_slices(bvh: &TriangleBvh) -> usize {
+    2 * bvh.nodes.stack_len()
+}
+
+/// The answers for a slice of rays, of which the first has the index `first`, with the default triangle test; without `accept`, where
+/// `PLAIN`.
+pub(super) struct Slice<'a, const PLAIN: bool, A> {
+    pub(super) bvh: &'a TriangleBvh,
+    pub(super) rays: &'a [Ray],
+    pub(super) first: usize,
+    pub(super) accept: Option<&'a AcceptAt<'a>>,
+    pub(super) answers: &'a mut [A],
+    pub(super) stack: &'a mut [u64],
+}
+
+impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, rays, mut first, accept, answers, stack } = self;
+        let mut eights = [EightRays::new(), EightRays::new()];
+        let mut plan = Plan::new(rays.len() >= FEWEST && !bvh.nodes.has_oriented);
+        for (rays, answers) in rays.chunks(GROUP).zip(answers.chunks_mut(GROUP)) {
+            let (low, high) = rays.split_at(rays.len().min(8));
+            eights[0].prepare(simd, low, &bvh.frame, PADS);
+            eights[1].prepare(simd, high, &bvh.frame, PADS);
+            let mut way = if rays.len() == GROUP { plan.next() } else { Way::Alone };
+            if let Way::Together(most) = way {
+                let group = RayGroup::new(simd, &eights, &bvh.frame, PADS);
+                let work = group.and_then(|group| {
+                    let of = Group { bvh, eights: &eights, rays, first, accept, most };
+                    of.walk::<S, PLAIN, A>(simd, &group, answers, stack)
+                });
+                if let Some(work) = work {
+                    plan.has_walked(work);
+                    first += GROUP;
+                    continue;
+                }
+                way = Way::Counted;
+            }
+            let mut work = 0;
+            for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
+                *answer = A::NONE;
+                let Some(ray) = eights[i / 8].ray(i % 8, given) else { continue };
+                let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
+                if let Way::Counted = way {
+                    let visits;
+                    (*answer, visits) = A::counted(bvh, &ray, &mut filter, stack);
+                    work += work_of(&visits);
+                    continue;
+                }
+                let mut sink = A::sink::<PLAIN>(&mut filter);
+                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut sink);
+                *answer = A::of(sink, &ray.scaled);
+            }
+            if let Way::Counted = way {
+                plan.has_counted(work);
+            }
+            first += GROUP;
+        }
+    }
+}
+
+/// How the next rays of a slice walk.
+#[derive(Clone, Copy)]
+enum Way {
+    Alone,
+    /// One by one, and their work is counted.
+    Counted,
+    /// As a group that gives up beyond this much work.
+    Together(u32),
+}
+
+/// The work of a ray in tests of nodes.
+fn work_of(visits: &Visits) -> u32 {
+    visits.counts.nodes.iter().sum::<u64>() as u32 + BLOCK * visits.counts.blocks as u32
+}
+
+/// Fewest rays of a slice in which groups are tried: the first ones of a slice are counted.
+const FEWEST: usize = 4 * GROUP;
+
+/// Groups between two that are counted.
+const COUNTED: u32 = 32;
+
+/// Most groups that walk alone before one is tried again: those that fail are then a part of this of the work.
+const MOST_ALONE: u32 = 63;
+
+/// Which rays of a slice walk together.
+struct Plan {
+    is_possible: bool,
+    /// The work of a group whose rays walk one by one, as last counted.
+    alone: u32,
+    /// Groups since then.
+    age: u32,
+    /// Groups that walk alone before one is tried again.
+    waits: u32,
+    /// How many after the next failure.
+    pause: u32,
+    /// Work that groups have saved, less that of groups that were given up.
+    saved: i32,
+}
+
+impl Plan {
+    fn new(is_possible: bool) -> Self {
+        Self { is_possible, alone: 0, age: COUNTED, waits: 0, pause: 1, saved: 0 }
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Way {
+        if !self.is_possible {
+            return Way::Alone;
+        }
+        self.age += 1;
+        if self.waits > 0 {
+            self.waits -= 1;
+            return Way::Alone;
+        }
+        if self.age > COUNTED {
+            self.age = 0;
+            return Way::Counted;
+        }
+        Way::Together(self.alone)
+    }
+
+    /// A group has walked together, with this much work.
+    #[inline(always)]
+    fn has_walked(&mut self, work: u32) {
+        // The last leaf may have exceeded what was allowed.
+        self.saved = (self.saved + self.alone as i32 - work as i32).min(4 * self.alone as i32);
+        if self.saved >= self.alone as i32 {
+            self.pause = 1;
+        }
+    }
+
+    /// The rays of a group have walked alone, with this much work; if it was tried before, it would have been more together unless it is more
+    /// than was allowed.
+    #[inline(always)]
+    fn has_counted(&mut self, work: u32) {
+        if self.age > 0 {
+            self.saved -= 2 * self.alone.min(work) as i32;
+            if self.saved < 0 {
+                self.saved = 0;
+                self.waits = self.pause;
+                self.pause = (2 * self.pause + 1).min(MOST_ALONE);
+            }
+        }
+        (self.alone, self.age) = (work, 0);
+    }
+}
+
+/// Rays that walk together.
+struct Group<'a> {
+    bvh: &'a TriangleBvh,
+    eights: &'a [EightRays; 2],
+    rays: &'a [Ray],
+    first: usize,
+    accept: Option<&'a AcceptAt<'a>>,
+    /// The most work.
+    most: u32,
+}
+
+impl Group<'_> {
+    /// Whether it was not too much work; otherwise there are no answers.
+    #[inline(always)]
+    fn walk<S: Simd, const PLAIN: bool, A: SliceAnswer>(
+        &self,
+        simd: S,
+        group: &RayGroup<'_, S>,
+        answers: &mut [A],
+        stack: &mut [u64],
+    ) -> Option<u32> {
+        let &Self { bvh, eights, rays, first, accept, most } = self;
+        let mut filters: [_; GROUP] = std::array::from_fn(|i| {
+            Accept(move |hit: &Hit| accept.is_none_or(|accept| accept(first + i, &rays[i], hit)))
+        });
+        let sinks = filters.each_mut().map(|filter| A::sink::<PLAIN>(filter));
+        let scaled: [ScaledRay; GROUP] =
+            std::array::from_fn(|i| eights[i / 8].ray(i % 8, &rays[i]).expect("all rays of a group can hit").scaled);
+        let mut t_max = [[0.0; 8]; 2];
+        let mut prepared = [RayTriangles::new(simd, &scaled[0]); GROUP];
+        for i in 0..GROUP {
+            prepared[i] = RayTriangles::new(simd, &scaled[i]);
+            t_max[i / 8][i % 8] = scaled[i].t_max;
+        }
+        let mut leaves = LeavesOfGroup { simd, halves: &bvh.leaves.halves, scaled: &scaled, prepared, sinks };
+        let work = if A::Sink::<'_, PLAIN>::ORDERED {
+            group.walk::<true>(simd, &bvh.nodes, &mut t_max, stack, &mut leaves, most)
+        } else {
+            group.walk::<false>(simd, &bvh.nodes, &mut t_max, stack, &mut leaves, most)
+        };
+        let work = work?;
+        for ((answer, sink), ray) in answers.iter_mut().zip(leaves.sinks).zip(&scaled) {
+            *answer = A::of(sink, ray);
+        }
+        Some(work)
+    }
+}
+
+/// Tests the triangles of each leaf that a ray of a group enters.
+struct LeavesOfGroup<'a, S: Simd, T> {
+    simd: S,
+    halves: &'a [HalfBlock],
+    scaled: &'a [ScaledRay; GROUP],
+    prepared: [RayTriangles<S>; GROUP],
+    sinks: [T; GROUP],
+}
+
+impl<S: Simd, T: HitSink> GroupLeaves for LeavesOfGroup<'_, S, T> {
+    #[inline(always)]
+    fn leaf(&mut self, i: usize, leaf: LeafRange) -> f32 {
+        let Self { simd, halves, scaled, prepared, sinks } = self;
+        let (prepared, ray, sink) = (prepared[i], &scaled[i], &mut sinks[i]);
+        TriangleLeaves::<S, _, true> { simd: *simd, halves, prepared, ray, sink }.leaf(leaf)
+    }
+}
+
+/// All hits of each ray of a slice, with the default triangle test.
+pub(super) struct AllOfSlice<'a> {
+    pub(super) bvh: &'a TriangleBvh,
+    pub(super) rays: &'a [Ray],
+    pub(super) first: usize,
+    pub(super) accept: Option<&'a AcceptAt<'a>>,
+    pub(super) answers: Answers<'a>,
+    pub(super) stack: &'a mut [u64],
+}
+
+impl Task for AllOfSlice<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, rays, first, accept, mut answers, stack } = self;
+        let mut eight = EightRays::new();
+        for (i, given) in rays.iter().enumerate() {
+            let lane = i % 8;
+            if lane == 0 {
+                eight.prepare(simd, &rays[i..rays.len().min(i + 8)], &bvh.frame, PADS);
+            }
+            let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
+            // Not in a function that `Answers::fill` calls: it might not be inlined where the instructions are enabled.
+            let hits = match &mut answers {
+                Answers::All(hits) => {
+                    hits[i].clear();
+                    &mut hits[i]
+                }
+                Answers::Lists(lists) => lists.next_ray(),
+                Answers::Closest(_) | Answers::Occluded(_) => unreachable!("they have slices of their own"),
+            };
+            if let Some(ray) = eight.ray(lane, given) {
+                let mut all = AllHits::new(&mut filter, hits);
+                all.may_reject = accept.is_some();
+                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut all);
+                all.finish(&ray.scaled);
+            }
+            if let Answers::Lists(lists) = &mut answers {
+                lists.end_ray();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::{Mesh, SplitMix64, displaced_icosphere, grid};
+    use canted_trace::Intersect;
+
+    use super::*;
+    use crate::SimdPath;
+    use crate::traverse::Pads;
+
+    /// What walks of groups without a limit answer, and alone; `None` for rays that are no group.
+    struct Both<'a> {
+        bvh: &'a TriangleBvh,
+        rays: &'a [Ray],
+        accept: Option<&'a AcceptAt<'a>>,
+        pads: Pads,
+    }
+
+    impl Both<'_> {
+        /// Where the answers of groups differ from those of rays, and the number of groups.
+        fn differences(&self) -> [usize; 2] {
+            let accepts = |i: usize, hit: &Hit| self.accept.is_none_or(|accept| accept(i, &self.rays[i], hit));
+            let alone = |i: usize| self.bvh.closest_hit_with(&self.rays[i], &mut Accept(|hit: &Hit| accepts(i, hit)));
+            let occluded = |i: usize| self.bvh.occluded_with(&self.rays[i], &mut Accept(|hit: &Hit| accepts(i, hit)));
+            let mut n = [0; 2];
+            let (closest, any) = self.bvh.path.run(self);
+            for (i, hits) in closest.iter().enumerate().filter_map(|(i, hits)| Some((i, hits.as_ref()?))) {
+                n[1] += 1;
+                for (k, hit) in hits.iter().enumerate() {
+                    n[0] += usize::from(bits(hit) != bits(&alone(GROUP * i + k)));
+                }
+            }
+            for (i, found) in any.iter().enumerate().filter_map(|(i, found)| Some((i, found.as_ref()?))) {
+                for (k, found) in found.iter().enumerate() {
+                    n[0] += usize::from(*found != occluded(GROUP * i + k));
+                }
+            }
+            n
+        }
+    }
+
+    type Answered<A> = Vec<Option<[A; GROUP]>>;
+
+    impl Task for &Both<'_> {
+        type Output = (Answered<Option<Hit>>, Answered<bool>);
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> Self::Output {
+            let &Both { bvh, rays, accept, pads } = self;
+            let mut eights = [EightRays::new(), EightRays::new()];
+            let mut stack = vec![0; stack_len_of_slices(bvh)];
+            let (mut closest, mut any) = (vec![], vec![]);
+            for (i, rays) in rays.chunks_exact(GROUP).enumerate() {
+                eights[0].prepare(simd, &rays[..8], &bvh.frame, PADS);
+                eights[1].prepare(simd, &rays[8..], &bvh.frame, PADS);
+                let of = Group { bvh, eights: &eights, rays, first: GROUP * i, accept, most: u32::MAX };
+                let (mut hits, mut found) = ([None; GROUP], [false; GROUP]);
+                let group = RayGroup::new(simd, &eights, &bvh.frame, pads);
+                closest.push(group.as_ref().map(|group| {
+                    of.walk::<S, false, _>(simd, group, &mut hits, &mut stack).expect("there is no limit");
+                    hits
+                }));
+                any.push(group.as_ref().map(|group| {
+                    let work = match accept {
+                        None => of.walk::<S, true, _>(simd, group, &mut found, &mut stack),
+                        Some(_) => of.walk::<S, false, _>(simd, group, &mut found, &mut stack),
+                    };
+                    work.expect("there is no limit");
+                    found
+                }));
+            }
+            (closest, any)
+        }
+    }
+
+    fn bits(hit: &Option<Hit>) -> Option<[u32; 4]> {
+        hit.map(|hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive.0])
+    }
+
+    /// Groups of rays that start near a point and go about one way: `spread` apart at both ends, some along axes, some with an interval.
+    fn bundles(mesh: &Mesh, rng: &mut SplitMix64, n_groups: usize) -> Vec<Ray> {
+        let (center, size) = (mesh.center(), mesh.diagonal());
+        let mut rays = vec![];
+        for group in 0..n_groups {
+            let spread = size * [0.0, 1e-6, 1e-3, 0.3][group % 4];
+            let far = [0.7, 3.0, 100.0, 1e5][group / 4 % 4];
+            let (from, to) = (rng.on_sphere(), rng.signed3());
+            let axis = rng.below(9);
+            for _ in 0..GROUP {
+                let (a, b) = (rng.signed3(), rng.signed3());
+                let start: [f64; 3] = [0, 1, 2].map(|k| center[k] + far * size * from[k] + spread * a[k]);
+                let end: [f64; 3] = [0, 1, 2].map(|k| center[k] + 0.4 * size * to[k] + spread * b[k]);
+                let mut direction = [0, 1, 2].map(|k| (end[k] - start[k]) as f32);
+                if axis < 3 {
+                    direction[axis] = -0.0;
+                }
+                let origin = start.map(|x| x as f32);
+                let t_max = if rng.below(4) == 0 { rng.unit() as f32 } else { f32::INFINITY };
+                rays.push(Ray::new(origin, direction).between(0.0, t_max));
+            }
+        }
+        rays
+    }
+
+    fn meshes() -> Vec<Mesh> {
+        let sphere = displaced_icosphere(3, 4);
+        let far = sphere.placed(|[x, y, z]| [x + 1e7, y - 2e6, z]);
+        let mirrored = sphere.placed(|[x, y, z]| [-1e-3 * x, 1e-3 * z, 2e-3 * y]);
+        let twice = sphere.joined(&sphere);
+        vec![grid(5, [40, 40]), sphere.off_axis(), sphere, far, mirrored, twice]
+    }
+
+    #[test]
+    fn groups_have_the_hits_of_their_rays() {
+        let mut rng = SplitMix64::new(16);
+        let (mut n_groups, mut n_hits) = (0, 0);
+        for (m, mesh) in meshes().iter().enumerate() {
+            let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap();
+            let rays = bundles(mesh, &mut rng, 160);
+            let odd = |i: usize, _: &Ray, hit: &Hit| !(i + hit.primitive.index()).is_multiple_of(3);
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let bvh = bvh.clone().with_path(path);
+                assert!(!bvh.nodes.has_oriented);
+                for accept in [None, Some(&odd as &AcceptAt)] {
+                    let both = Both { bvh: &bvh, rays: &rays, accept, pads: PADS };
+                    let [n_wrong, n] = both.differences();
+                    assert_eq!(n_wrong, 0, "mesh {m}, {}", path.name());
+                    n_groups += n;
+                }
+                let mut hits = vec![None; rays.len()];
+                bvh.closest_hits(&rays, &mut hits);
+                assert!(rays.iter().zip(&hits).all(|(ray, hit)| bits(&bvh.closest_hit(ray)) == bits(hit)), "mesh {m}");
+                n_hits += hits.iter().flatten().count();
+            }
+        }
+        assert!(n_groups > 1000 && n_hits > 10_000, "{n_groups} groups, {n_hits} hits");
+    }
+
+    /// The rays of a group that starts far away reach boxes with roundings of their origins, which the group must allow for.
+    #[test]
+    fn groups_without_pads_lose_hits() {
+        let mut rng = SplitMix64::new(17);
+        let mesh = grid(5, [40, 40]);
+        let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap();
+        let rays = bundles(&mesh, &mut rng, 4000);
+        let none = Pads { aligned: 0.0, rotated: 0.0, oriented: 0.0 };
+        let lost = |pads| Both { bvh: &bvh, rays: &rays, accept: None, pads }.differences()[0];
+        assert_eq!(lost(PADS), 0);
+        assert!(lost(none) > 0);
+    }
+
+    /// How many of these groups are tried, whose rays take this much work alone and, together, that much.
+    fn n_tried(groups: impl Iterator<Item = [u32; 2]>) -> usize {
+        let mut plan = Plan::new(true);
+        let mut n = 0;
+        for [alone, together] in groups {
+            match plan.next() {
+                Way::Alone => {}
+                Way::Counted => plan.has_counted(alone),
+                Way::Together(most) => {
+                    n += 1;
+                    if together <= most { plan.has_walked(together) } else { plan.has_counted(alone) }
+                }
+            }
+        }
+        n
+    }
+
+    #[test]
+    fn groups_are_tried_where_they_save_work() {
+        let n = 10_000;
+        let (good, bad) = ([100, 50], [100, 400]);
+        assert!(n_tried((0..n).map(|_| good)) > n * 9 / 10);
+        assert!(n_tried((0..n).map(|_| bad)) < n / 40);
+        // A row of pixels beside the object, then one across it.
+        assert!(n_tried((0..n).map(|i| if i / 64 % 2 == 0 { [16, 16] } else { [300, 60] })) > n * 9 / 10);
+        assert!(n_tried((0..n).map(|i| if i % 3 == 0 { good } else { bad })) < n / 10);
+    }
+}
