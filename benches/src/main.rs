@@ -69,6 +69,12 @@ fn main() -> Result<()> {
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;
     }
+    if options.wants(options::TREES) {
+        #[cfg(feature = "peers")]
+        kinds::trees::section(&mut out, &options)?;
+        #[cfg(not(feature = "peers"))]
+        anyhow::bail!("`{}` compares with Embree, which `--peers` adds", options::TREES);
+    }
     if options.wants(options::TILES) {
         tiles::section(&mut out, &options)?;
     }

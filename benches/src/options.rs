@@ -17,11 +17,14 @@ pub(crate) const CLAIMS: &str = "claims";
 /// The section that measures stores of tiles, which takes gigabytes of disk; measured only if it is named.
 pub(crate) const TILES: &str = "tiles";
 
+/// The section that compares our trees and our loop with Embree's, which needs the feature `peers`; measured only if it is named.
+pub(crate) const TREES: &str = "trees";
+
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 9] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", "curves", TILES, CLAIMS];
+const SECTIONS: [&str; 10] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", "curves", TREES, TILES, CLAIMS];
 
 /// Those that are measured only if they are named.
-const NAMED: [&str; 2] = [TILES, CLAIMS];
+const NAMED: [&str; 3] = [TREES, TILES, CLAIMS];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -42,6 +42,7 @@ What measures prints its result; with --keep it records it in benches/results. -
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU; --chapters A,B some of it
   bench kinds --fresh [SEED]   kinds whose forms a seed draws, a new one unless it is given; --models FOLDER measures files
   bench claims      measure what README's table states, and fail if a figure is more than 5 % too high
+  bench --peers trees  visits a ray of our trees and of Embree's, and our loop over both; --scenes names kinds
   bench tiles [--triangles N]  write a store of tiles in the folder of temporary files, and trace rays through it [default: 1e7]
   report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, unused [default: all]; --quick
   kernels           compile every kernel with Mesa's RADV, without a device, and compare registers and spills with the recorded table;

@@ -2,7 +2,7 @@
 //!
 //! Reads: a library path. Writes: a table of functions.
 //! Holds: each function type matches its declaration in the header of the version that the library reports.
-//! Source: Embree API reference, `rtcore_device.h`, `rtcore_scene.h`, `rtcore_geometry.h`, `rtcore_ray.h`.
+//! Source: Embree API reference, `rtcore_builder.h`, `rtcore_device.h`, `rtcore_scene.h`, `rtcore_geometry.h`, `rtcore_ray.h`.
 #![expect(unsafe_code, reason = "the C interface; every block states why it is sound")]
 
 use std::{
@@ -12,6 +12,8 @@ use std::{
     path::{Path, PathBuf},
     ptr,
 };
+
+use super::builder::Arguments;
 
 /// An opaque Embree object: device, scene or geometry.
 pub(super) type Handle = *mut c_void;
@@ -84,6 +86,9 @@ pub(super) struct Functions {
     pub(super) set_shared_buffer: unsafe extern "C" fn(Handle, i32, u32, i32, *const c_void, usize, usize, usize),
     pub(super) set_instanced_scene: unsafe extern "C" fn(Handle, Handle),
     pub(super) set_transform: unsafe extern "C" fn(Handle, u32, i32, *const c_void),
+    pub(super) new_bvh: unsafe extern "C" fn(Handle) -> Handle,
+    pub(super) release_bvh: unsafe extern "C" fn(Handle),
+    pub(super) build_bvh: unsafe extern "C" fn(*const Arguments) -> *mut c_void,
     pub(super) intersect: Query,
     pub(super) occluded: Query,
 }
@@ -192,6 +197,9 @@ fn functions(
             set_shared_buffer: *code.get(b"rtcSetSharedGeometryBuffer\0")?,
             set_instanced_scene: *code.get(b"rtcSetGeometryInstancedScene\0")?,
             set_transform: *code.get(b"rtcSetGeometryTransform\0")?,
+            new_bvh: *code.get(b"rtcNewBVH\0")?,
+            release_bvh: *code.get(b"rtcReleaseBVH\0")?,
+            build_bvh: *code.get(b"rtcBuildBVH\0")?,
             intersect: query(b"rtcIntersect1\0")?,
             occluded: query(b"rtcOccluded1\0")?,
         })

@@ -1,11 +1,13 @@
-//! Embree, versions 3 and 4: triangle meshes, round curves, instances, closest and any hit for single rays.
+//! Embree, versions 3 and 4: triangle meshes, round curves, instances, closest and any hit for single rays, trees of its builders.
 //!
-//! `library`, `scene` and `curves` contain the unsafe code of the C interface.
+//! `builder`, `library`, `scene` and `curves` contain the unsafe code of the C interface.
 
+mod builder;
 mod curves;
 mod library;
 mod scene;
 
+pub use builder::{Bounds, Part, Shape, Split, Subtree, Tree, build};
 pub use curves::{CurveKind, Curves};
 pub use library::{Library, LoadError, libraries};
 pub use scene::{MovingInstances, MovingMesh, Scene, SceneError, Update};

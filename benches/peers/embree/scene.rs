@@ -70,7 +70,7 @@ impl Device {
     }
 
     /// The device's first error since the last check.
-    fn check(&self) -> Result<(), SceneError> {
+    pub(super) fn check(&self) -> Result<(), SceneError> {
         // SAFETY: the device is alive.
         match unsafe { (self.library.functions.device_error)(self.handle) } {
             0 => Ok(()),

@@ -6,6 +6,8 @@
 
 mod checked;
 mod tables;
+#[cfg(feature = "peers")]
+pub(crate) mod trees;
 
 use std::{
     io::Write,

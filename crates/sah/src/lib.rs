@@ -27,6 +27,7 @@
 //! | [`top_down()`] | splits from the root: midpoint, median, binned SAH, sweep SAH |
 //! | [`grouped()`] | as binned SAH, or by Morton codes, with leaves of several primitives: the fastest |
 //! | [`spatial()`] | as binned SAH, with spatial splits of long triangles |
+//! | [`clip`] | the parts of a triangle on both sides of a plane, for spatial splits of your own |
 //! | [`reinsert`] | moves subtrees of any tree to reduce the sum of surface areas |
 //!
 //! ```text
@@ -65,5 +66,5 @@ pub use builder::{Builder, build};
 pub use grouped::{GroupConfig, GroupSplit, Groups, grouped};
 pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::{ReinsertConfig, reinsert};
-pub use spatial::{References, SpatialConfig, spatial};
+pub use spatial::{References, SpatialConfig, clip, spatial};
 pub use top_down::{Axes, Split, TopDownConfig, top_down};

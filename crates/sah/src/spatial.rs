@@ -361,7 +361,8 @@ const CROSSING_ERROR: f64 = 12.0 * (0.5 * f64::EPSILON);
 ///
 /// The fragment is the part of the triangle in `aabb`. Holds: every point of the triangle in `aabb` is in one of the two
 /// boxes. Corners are copied; crossings are computed in `f64` and rounded outward by their error bound.
-pub(crate) fn clip(corners: &Corners, aabb: &Aabb, axis: usize, plane: f32) -> [Option<Aabb>; 2] {
+#[must_use]
+pub fn clip(corners: &Corners, aabb: &Aabb, axis: usize, plane: f32) -> [Option<Aabb>; 2] {
     let mut sides = [Aabb::EMPTY; 2];
     for (i, &corner) in corners.iter().enumerate() {
         let next = corners[(i + 1) % 3];

@@ -54,6 +54,8 @@ pub struct TraversalCounts {
     pub leaves: u64,
     /// Blocks of up to eight primitives.
     pub blocks: u64,
+    /// Triangles that the filter of their block does not reject: each is decided alone, in `f64`.
+    pub exact: u64,
 }
 
 impl TraversalCounts {
@@ -62,6 +64,7 @@ impl TraversalCounts {
         self.nodes.iter_mut().zip(other.nodes).for_each(|(sum, n)| *sum += n);
         self.leaves += other.leaves;
         self.blocks += other.blocks;
+        self.exact += other.exact;
     }
 }
 
@@ -78,6 +81,11 @@ impl Visits {
         self.counts.leaves += 1;
         self.counts.blocks += u64::from(n.div_ceil(8));
         self.n_primitives += n;
+    }
+
+    #[inline(always)]
+    pub(crate) fn exact(&mut self, n: u32) {
+        self.counts.exact += u64::from(n);
     }
 
     #[inline(always)]

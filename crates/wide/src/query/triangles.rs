@@ -374,6 +374,9 @@ impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_,
             if T::ANY && candidates.sure & filled != 0 {
                 return sink.take_any();
             }
+            if let Some(visits) = sink.visits() {
+                visits.exact(mask.count_ones());
+            }
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;

@@ -121,6 +121,8 @@ fn traversal_counts_are_the_tests_that_a_query_counts() {
     assert!(visits.nodes.iter().all(|&n| n > 0), "{visits:?}");
     let most = counts.triangles.div_ceil(8) + visits.leaves;
     assert!(visits.leaves <= visits.blocks && visits.blocks <= most, "{visits:?} for {counts:?}");
+    let n_hits = rays.iter().filter(|ray| bvh.closest_hit(ray).is_some()).count() as u64;
+    assert!(n_hits <= visits.exact && visits.exact < counts.triangles, "{visits:?} for {n_hits} hits");
     assert_eq!(bvh.clone().with_path(SimdPath::Scalar).traversal_counts(&rays), visits);
     assert_eq!(bvh.traversal_counts(&[]), TraversalCounts::default());
 }
