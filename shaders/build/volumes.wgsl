@@ -159,8 +159,8 @@ fn candidate(all: Candidates, i: u32, n_slots: u32) -> u32 {
     return select(NONE, slot, is_below && schedule[height_at(slot, n_slots)] != 0u);
 }
 
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
+/// Visits the nodes of a work-group of 64 invocations.
+fn walk_nodes(id: Invocation) {
     let local = id.local;
     let n_slots = arrayLength(&order) / 2u;
     let all = candidates_of(group_index(id));
@@ -221,6 +221,11 @@ fn child_content(child: u32) -> Content {
     }
     let columns = mat3x3<f32>(part(child, 1u), part(child, 2u), part(child, 3u));
     return Content(true, part(child, 0u), columns, part(child, 4u));
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    walk_nodes(id);
 }
 
 fn visit(slot: u32) {
@@ -290,6 +295,11 @@ fn moments_below(child: u32) -> Moments {
     moments = add_square(moments, to_mean, 1.0 / 12.0);
     moments = add_square(moments, ab - to_mean, 1.0 / 12.0);
     return add_square(moments, ac - to_mean, 1.0 / 12.0);
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    walk_nodes(id);
 }
 
 fn visit(slot: u32) {
