@@ -58,33 +58,41 @@ fn main(id: Invocation) {
 // Domain, second dispatch: one invocation per tree.
 // Reads: bounding boxes.
 // Writes: the grid on which the items of a tree get their Morton codes.
-// Holds: the same bits as on the CPU. A WGSL division may err by 2.5 ULP, so the one division that decides cells uses integers.
-// Source: Lauterbach et al. 2009. The scale comes from the largest extent; it is 0 where that is zero or the scale is not
-// finite.
 // use shared/build/slice
-// use ?item
-// use ?code
-// use shared/build/code
+// use build/morton/grid
 
-@group(0) @binding(1) var<storage, read> bounds: array<u32>;
 @group(0) @binding(2) var<storage, read_write> domains: array<Domain>;
-
-fn end_at(tree: u32, k: u32) -> f32 {
-    return bitcast<f32>(end_of(bounds[6u * tree + k], k));
-}
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
     let tree = slice_item(id, 64u);
     // A tree without items has no box.
-    if tree >= slice.end || bounds[6u * tree] == 0u {
-        return;
+    if tree < slice.end && bounds[6u * tree] != 0u {
+        domains[tree] = grid_of(tree);
     }
+}
+
+// part grid
+// The grid on which the items of a tree get their Morton codes, from its bounding box.
+// Holds: the same bits as on the CPU. A WGSL division may err by 2.5 ULP, so the one division that decides cells uses integers.
+// Source: Lauterbach et al. 2009. The scale comes from the largest extent; it is 0 where that is zero or the scale is not
+// finite.
+// use ?item
+// use ?code
+// use shared/build/code
+
+@group(0) @binding(6) var<storage, read> bounds: array<u32>;
+
+fn end_at(tree: u32, k: u32) -> f32 {
+    return bitcast<f32>(end_of(bounds[6u * tree + k], k));
+}
+
+fn grid_of(tree: u32) -> Domain {
     let low = vec3<f32>(end_at(tree, 0u), end_at(tree, 1u), end_at(tree, 2u));
     let high = vec3<f32>(end_at(tree, 3u), end_at(tree, 4u), end_at(tree, 5u));
     let extent = high - low;
     let largest = max(max(extent.x, extent.y), extent.z);
-    domains[tree] = Domain(N_POINTS * low, cells_over(N_POINTS * largest));
+    return Domain(N_POINTS * low, cells_over(N_POINTS * largest));
 }
 
 /// 2^CELL_BITS / x, rounded to nearest; 0 if x is 0 or the result is not finite.
@@ -124,10 +132,29 @@ fn cells_over(x: f32) -> f32 {
     return bitcast<f32>((power << 23u) | (quotient & 0x7fffffu));
 }
 
+// choice grids/given
+// Grids that a dispatch computed.
+// use shared/build/code
+
+@group(0) @binding(6) var<storage, read> domains: array<Domain>;
+
+fn grid_at(tree: u32) -> Domain {
+    return domains[tree];
+}
+
+// choice grids/found
+// Grids that each item computes, which takes less time than a dispatch.
+// use build/morton/grid
+
+fn grid_at(tree: u32) -> Domain {
+    return grid_of(tree);
+}
+
 // part codes
 // Morton codes.
-// Reads: grids, items.
-// Writes: one code per item, in input order.
+// Reads: grids or bounding boxes, items.
+// Writes: one code per item, in input order; where there are several trees, the tree of each item, which is the most significant word of
+// its key; where several tiles are sorted, the counts of the first digit.
 // Holds: the same integers as on the CPU. Sums have a fixed order; a subtraction followed by a product cannot be fused.
 // Source: Lauterbach et al. 2009.
 // use shared/build/slice
@@ -135,8 +162,10 @@ fn cells_over(x: f32) -> f32 {
 // use ?item
 // use ?code
 // use shared/build/code
+// use shared/build/digit/counts
+// use ?grids
 
-@group(0) @binding(1) var<storage, read> domains: array<Domain>;
+@group(0) @binding(5) var<storage, read_write> tree_indices: array<u32>;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -144,8 +173,15 @@ fn main(id: Invocation) {
     if item >= slice.end {
         return;
     }
-    let domain = domains[tree_of(item)];
+    let tree = tree_of(item);
+    if arrayLength(&ranges) > 1u {
+        tree_indices[item] = tree;
+    }
+    let domain = grid_at(tree);
     let last = f32((1u << CELL_BITS) - 1u);
     let cells = (item_sum(item) - domain.offset) * domain.scale;
     write_code(item, vec3<u32>(clamp(cells, vec3(0.0), vec3(last))));
+    if digit.n_tiles > 1u {
+        add_keys(digit.first_count, digit_of(codes_low[item]), item / TILE, 1u);
+    }
 }

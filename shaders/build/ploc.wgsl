@@ -5,14 +5,13 @@
 // Reads: items in the order of the curve.
 // Writes: a cluster for each leaf, the clusters of each tree, their number.
 // use shared/build/ploc
+// use shared/build/ploc/states
 // use shared/build/tree/forest
 // use ?item
 
 @group(0) @binding(1) var<storage, read> leaves: array<u32>;
 @group(0) @binding(2) var<storage, read_write> clusters: array<Cluster>;
-@group(0) @binding(3) var<storage, read_write> states: array<TreeState>;
-/// The number of clusters before each iteration.
-@group(0) @binding(4) var<storage, read_write> remaining: array<u32>;
+@group(0) @binding(4) var<uniform> iteration: Iteration;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -27,191 +26,249 @@ fn main(id: Invocation) {
     let tree = tree_of(position);
     let range = ranges[tree];
     if position == range.first {
-        states[tree] = TreeState(range.first, range.first + range.count, 0u, 0u);
+        put_state(tree, TreeState(range.first, range.first + range.count, 0u));
     }
     if position == 0u {
-        remaining[0] = arrayLength(&leaves);
+        atomicStore(&states[remaining_at(iteration)], iteration.n_items);
     }
 }
 
 // part partners
-// Clustering, first dispatch of an iteration.
+// Clustering, first dispatch of an iteration: a work-group for each tile of clusters.
+//
+// Whether a cluster is merged depends on its partner's partner, so a work-group finds the partners of as many clusters beyond its tile as a
+// partner may be away.
 // Reads: clusters.
-// Writes: the partner of each cluster; itself if it has none.
+// Writes: the partner of each cluster, itself if it has none, and whether they are merged; the clusters that are kept in each tile; the
+// number of merged pairs of each tree.
 // use shared/build/ploc
+// use shared/build/ploc/states
+// use shared/build/ploc/scratch
 // use shared/build/tree/forest
+// const GROUP
 
 @group(0) @binding(1) var<storage, read> clusters: array<Cluster>;
-@group(0) @binding(2) var<storage, read> states: array<TreeState>;
-@group(0) @binding(3) var<storage, read> remaining: array<u32>;
+@group(0) @binding(2) var<storage, read_write> scratch: array<u32>;
 @group(0) @binding(4) var<uniform> iteration: Iteration;
-@group(0) @binding(5) var<storage, read_write> partners: array<u32>;
 
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
-    if i >= min(remaining[iteration.number], slice.end) {
-        return;
-    }
-    let own = clusters[i];
-    let state = states[tree_of(own.number)];
+/// The clusters of the tile, and as many on each side as there are up to a partner's partner.
+var<workgroup> near: array<Cluster, GROUP + 4u * REACH>;
+var<workgroup> near_partners: array<u32, GROUP + 2u * REACH>;
+var<workgroup> n_kept: atomic<u32>;
+/// Merged pairs of the first cluster's tree.
+var<workgroup> n_merged: atomic<u32>;
+
+/// The partner of cluster `i`, which is `near[at]`.
+fn partner_of(i: u32, at: u32) -> u32 {
+    let own = near[at];
+    let state = state_of(tree_of(own.number));
     // Positions count within the tree.
-    let at = i - state.first;
+    let own_place = i - state.first;
     let n = state.end - state.first;
     if state.is_forced != 0u {
-        partners[i] = state.first + select(at, at ^ 1u, (at ^ 1u) < n);
-        return;
+        return state.first + select(own_place, own_place ^ 1u, (own_place ^ 1u) < n);
     }
     let radius = radius_of(iteration);
-    let last = min(at + radius, n - 1u);
+    let last = min(own_place + radius, n - 1u);
     var nearest = NOT_NEAR;
-    for (var other = max(at, radius) - radius; other <= last; other++) {
-        if other != at {
-            nearest = nearer(nearest, Nearness(union_area(own, clusters[state.first + other]), at ^ other));
+    for (var other = max(own_place, radius) - radius; other <= last; other++) {
+        if other != own_place {
+            nearest = nearer(nearest, Nearness(union_area(own, near[at + other - own_place]), own_place ^ other));
         }
     }
-    partners[i] = select(i, state.first + (at ^ nearest.difference), n > 1u);
+    return select(i, state.first + (own_place ^ nearest.difference), n > 1u);
 }
 
-// part keep
-// Clustering, second dispatch of an iteration.
-// Reads: partners.
-// Writes: 1 for each cluster that keeps its place, 0 for the second of a merged pair.
-// use shared/build/ploc
-
-@group(0) @binding(1) var<storage, read> partners: array<u32>;
-@group(0) @binding(2) var<storage, read> remaining: array<u32>;
-@group(0) @binding(3) var<uniform> iteration: Iteration;
-@group(0) @binding(4) var<storage, read_write> kept: array<u32>;
-
-@compute @workgroup_size(64)
+@compute @workgroup_size(GROUP)
 fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
-    if i >= slice.end {
-        return;
+    let tile = slice.first + group_index(id);
+    let local = id.local;
+    let start = tile * GROUP;
+    let n = atomicLoad(&states[remaining_at(iteration)]);
+    for (var k = local; k < GROUP + 4u * REACH; k += GROUP) {
+        let i = start + k - 2u * REACH;
+        if start + k >= 2u * REACH && i < n {
+            near[k] = clusters[i];
+        }
     }
-    var keeps = 0u;
-    if i < remaining[iteration.number] {
-        let partner = partners[i];
-        keeps = select(1u, 0u, partner < i && partners[partner] == i);
+    workgroupBarrier();
+    for (var k = local; k < GROUP + 2u * REACH; k += GROUP) {
+        let i = start + k - REACH;
+        if start + k >= REACH && i < n {
+            near_partners[k] = partner_of(i, k + REACH);
+        }
     }
-    kept[i] = keeps;
+    workgroupBarrier();
+    let i = start + local;
+    if i < n {
+        let partner = near_partners[local + REACH];
+        let is_merged = partner != i && near_partners[partner + REACH - start] == i;
+        let own_tree = tree_of(near[local + 2u * REACH].number);
+        if is_merged && partner < i {
+            if own_tree == tree_of(near[2u * REACH].number) {
+                atomicAdd(&n_merged, 1u);
+            } else {
+                atomicAdd(&states[merged_at(own_tree)], 1u);
+            }
+        } else {
+            atomicAdd(&n_kept, 1u);
+        }
+        let is_first = i == state_of(own_tree).first;
+        scratch[i] = partner | select(0u, IS_MERGED, is_merged) | select(0u, IS_FIRST, is_first);
+    }
+    workgroupBarrier();
+    if local == 0u && start < n {
+        let kept = atomicLoad(&n_kept);
+        scratch[iteration.n_items + tile] = kept;
+        atomicAdd(&states[block_at(iteration, tile / BLOCK)], kept);
+        atomicAdd(&states[merged_at(tree_of(near[2u * REACH].number))], atomicLoad(&n_merged));
+    }
 }
 
 // part merge
-// Clustering, fourth dispatch of an iteration, after prefix sums.
-// Reads: clusters, partners, the number of kept clusters before each.
-// Writes: the remaining clusters, a node for each merged pair.
+// Clustering, last dispatch of an iteration: a work-group for each tile of clusters.
+// Reads: clusters, partners, the number of kept clusters of each tile.
+// Writes: the remaining clusters, a node for each merged pair; the clusters of each tree, their number; the work-groups of the next
+// iteration: none where no tree has more clusters than a work-group merges alone.
 // use shared/build/ploc
+// use shared/build/ploc/states
+// use shared/build/ploc/scratch
+// use shared/build/ploc/nodes
+// use shared/build/tree/forest
+// use shared/build/scan
+// use shared/build/pass
+// const GROUP
 
 @group(0) @binding(1) var<storage, read> clusters: array<Cluster>;
-@group(0) @binding(2) var<storage, read> partners: array<u32>;
-@group(0) @binding(3) var<storage, read> prefixes: array<u32>;
-@group(0) @binding(4) var<storage, read> remaining: array<u32>;
-@group(0) @binding(5) var<uniform> iteration: Iteration;
-@group(0) @binding(6) var<storage, read_write> clusters_out: array<Cluster>;
-@group(0) @binding(7) var<storage, read_write> merges: array<Merge>;
-/// Nodes by number, then leaves by position: the parent's number times two, plus 1 for a right child.
-@group(0) @binding(8) var<storage, read_write> links: array<u32>;
-
-fn n_below(word: u32) -> u32 {
-    if (word & LEAF) != 0u {
-        return 1u;
-    }
-    return merges[word].n;
-}
-
-fn put_link(word: u32, link: u32) {
-    let n = arrayLength(&links) / 2u;
-    links[select(word, n + (word & ~LEAF), (word & LEAF) != 0u)] = link;
-}
-
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
-    if i >= min(remaining[iteration.number], slice.end) {
-        return;
-    }
-    let partner = partners[i];
-    let is_merged = partner != i && partners[partner] == i;
-    if is_merged && partner < i {
-        return;
-    }
-    var own = clusters[i];
-    if is_merged {
-        let other = clusters[partner];
-        let n_left = n_below(own.word);
-        merges[other.number] = Merge(own.word, other.word, n_left, n_left + n_below(other.word));
-        put_link(own.word, 2u * other.number);
-        put_link(other.word, 2u * other.number + 1u);
-        own = Cluster(min(own.low, other.low), own.number, max(own.high, other.high), other.number);
-    }
-    clusters_out[prefixes[i]] = own;
-}
-
-// part states
-// Clustering, last dispatch of an iteration, for each tree.
-// Reads: which clusters are kept, and the number of kept clusters before each.
-// Writes: the clusters of each tree, their number, the most of a tree.
-// use shared/build/ploc
-
-@group(0) @binding(1) var<storage, read> kept: array<u32>;
-@group(0) @binding(2) var<storage, read> prefixes: array<u32>;
-@group(0) @binding(3) var<storage, read> states: array<TreeState>;
+@group(0) @binding(2) var<storage, read> scratch: array<u32>;
 @group(0) @binding(4) var<uniform> iteration: Iteration;
-@group(0) @binding(5) var<storage, read_write> states_out: array<TreeState>;
-/// The number of clusters before each iteration, and the most of a tree.
-@group(0) @binding(6) var<storage, read_write> remaining: array<u32>;
-@group(0) @binding(7) var<storage, read_write> longest: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read_write> clusters_out: array<Cluster>;
+@group(0) @binding(8) var<storage, read_write> pass_out: NextPass;
 
-@compute @workgroup_size(64)
+/// Kept clusters before the tile, and in all tiles.
+var<workgroup> n_before: atomic<u32>;
+var<workgroup> n_all: atomic<u32>;
+
+@compute @workgroup_size(GROUP)
 fn main(id: Invocation) {
-    let tree = slice_item(id, 64u);
-    if tree >= slice.end {
-        return;
+    let tile = slice.first + group_index(id);
+    let local = id.local;
+    let start = tile * GROUP;
+    let n = atomicLoad(&states[remaining_at(iteration)]);
+    let n_tiles = (n + GROUP - 1u) / GROUP;
+    let own_block = tile / BLOCK;
+    for (var block = local; block * BLOCK < n_tiles; block += GROUP) {
+        let kept = atomicLoad(&states[block_at(iteration, block)]);
+        atomicAdd(&n_all, kept);
+        if block < own_block {
+            atomicAdd(&n_before, kept);
+        }
     }
-    let state = states[tree];
-    // A tree without items has no clusters.
-    if state.first == state.end {
-        return;
+    for (var other = own_block * BLOCK + local; other < tile; other += GROUP) {
+        atomicAdd(&n_before, scratch[iteration.n_items + other]);
     }
-    let first = prefixes[state.first];
-    let end = prefixes[state.end - 1u] + kept[state.end - 1u];
-    let is_forced = is_forced_after(state.end - state.first, end - first, state.is_forced != 0u);
-    states_out[tree] = TreeState(first, end, select(0u, 1u, is_forced), 0u);
-    atomicMax(&longest[iteration.number + 1u], end - first);
-    if state.end == remaining[iteration.number] {
-        remaining[iteration.number + 1u] = end;
+    let i = start + local;
+    var partner = 0u;
+    var word = 0u;
+    var keeps = 0u;
+    if i < n {
+        word = scratch[i];
+        partner = word & PARTNER;
+        keeps = select(1u, 0u, (word & IS_MERGED) != 0u && partner < i);
+    }
+    // The barriers of the scan are for the sums above, too.
+    let place = scan_group(local, keeps).before + atomicLoad(&n_before);
+    let n_left = atomicLoad(&n_all);
+    if keeps == 1u {
+        var own = clusters[i];
+        if (word & IS_MERGED) != 0u {
+            let other = clusters[partner];
+            own = merged(own, other, n_below(own.word), n_below(other.word));
+        }
+        clusters_out[place] = own;
+        if (word & IS_FIRST) != 0u {
+            put_next_state(tree_of(own.number), place, n_left);
+        }
+    }
+    if tile == 0u && local == 0u {
+        atomicStore(&states[remaining_at(iteration) + 1u], n_left);
+        atomicStore(&states[done_at()], iteration.number + 1u);
+    }
+}
+
+/// The clusters of a tree, from `first` on, among `n_left` of all trees.
+fn put_next_state(tree: u32, first: u32, n_left: u32) {
+    let before = state_of(tree);
+    let n_of_before = before.end - before.first;
+    let n = n_of_before - atomicLoad(&states[merged_at(tree)]);
+    let is_forced = is_forced_after(n_of_before, n, before.is_forced != 0u);
+    put_state(tree, TreeState(first, first + n, select(0u, 1u, is_forced)));
+    if n > FEW_CLUSTERS {
+        let rows = rows_of((n_left + GROUP - 1u) / GROUP);
+        atomicMax(&pass_out.groups_x, rows.x);
+        atomicMax(&pass_out.groups_y, rows.y);
     }
 }
 
 // part finish
-// Clustering of few clusters: all further iterations, one work-group for each tree.
-// Reads: clusters, at most `GROUP` of each tree.
+// Clustering, all further iterations: one work-group for each tree.
+//
+// Trees of more clusters than the work-group has invocations stay in device memory, until there are that few.
+// Reads: clusters, on the side that the last iteration wrote.
 // Writes: nodes.
 // use shared/build/ploc
+// use shared/build/ploc/states
+// use shared/build/ploc/nodes
 // use shared/build/tree/forest
 // use shared/build/scan
 // const GROUP
 
-@group(0) @binding(1) var<storage, read> clusters: array<Cluster>;
-@group(0) @binding(2) var<storage, read> states: array<TreeState>;
-@group(0) @binding(3) var<uniform> iteration: Iteration;
-@group(0) @binding(4) var<storage, read_write> merges: array<Merge>;
-@group(0) @binding(5) var<storage, read_write> links: array<u32>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<Cluster>;
+@group(0) @binding(2) var<storage, read_write> scratch: array<u32>;
+@group(0) @binding(4) var<uniform> iteration: Iteration;
+@group(0) @binding(5) var<storage, read_write> clusters_out: array<Cluster>;
 
 /// The clusters, and the leaves below each.
 var<workgroup> group_clusters: array<Cluster, GROUP>;
-var<workgroup> n_below: array<u32, GROUP>;
+var<workgroup> group_below: array<u32, GROUP>;
 var<workgroup> group_partners: array<u32, GROUP>;
 var<workgroup> group_state: TreeState;
+/// Iterations so far. Those of even numbers have their clusters in `clusters`, others in `clusters_out`.
+var<workgroup> n_done: u32;
 
-fn put_link(word: u32, link: u32) {
-    let n = arrayLength(&links) / 2u;
-    links[select(word, n + (word & ~LEAF), (word & LEAF) != 0u)] = link;
+fn cluster_at(is_odd: bool, i: u32) -> Cluster {
+    if is_odd {
+        return clusters_out[i];
+    }
+    return clusters[i];
 }
 
-/// The partner of cluster `at` of `n`.
+fn put_cluster(is_odd: bool, i: u32, cluster: Cluster) {
+    if is_odd {
+        clusters_out[i] = cluster;
+    } else {
+        clusters[i] = cluster;
+    }
+}
+
+/// The partner of cluster `at` of many.
+fn far_partner_of(state: TreeState, at: u32, is_odd: bool, radius: u32) -> u32 {
+    let n = state.end - state.first;
+    if state.is_forced != 0u {
+        return select(at, at ^ 1u, (at ^ 1u) < n);
+    }
+    let own = cluster_at(is_odd, state.first + at);
+    let last = min(at + radius, n - 1u);
+    var nearest = NOT_NEAR;
+    for (var other = max(at, radius) - radius; other <= last; other++) {
+        if other != at {
+            nearest = nearer(nearest, Nearness(union_area(own, cluster_at(is_odd, state.first + other)), at ^ other));
+        }
+    }
+    return at ^ nearest.difference;
+}
+
+/// The partner of cluster `at` of few.
 fn partner_of(at: u32, n: u32, is_forced: bool, radius: u32) -> u32 {
     if is_forced {
         return select(at, at ^ 1u, (at ^ 1u) < n);
@@ -235,20 +292,60 @@ fn main(id: Invocation) {
         // Trees beyond the slice have no clusters.
         var state = TreeState();
         if tree < slice.end && ranges[tree].count > 0u {
-            state = states[tree];
+            state = state_of(tree);
         }
         group_state = state;
-    }
-    let first = workgroupUniformLoad(&group_state).first;
-    if local < group_state.end - first {
-        let own = clusters[first + local];
-        group_clusters[local] = own;
-        n_below[local] = 1u;
-        if (own.word & LEAF) == 0u {
-            n_below[local] = merges[own.word].n;
-        }
+        n_done = atomicLoad(&states[done_at()]);
     }
     var step = iteration;
+    step.number = workgroupUniformLoad(&n_done);
+    loop {
+        let state = workgroupUniformLoad(&group_state);
+        let n = state.end - state.first;
+        if n <= GROUP {
+            break;
+        }
+        let is_odd = (step.number & 1u) == 1u;
+        for (var at = local; at < n; at += GROUP) {
+            scratch[state.first + at] = far_partner_of(state, at, is_odd, radius_of(step));
+        }
+        storageBarrier();
+        var n_kept = 0u;
+        for (var tile = 0u; tile < n; tile += GROUP) {
+            let at = tile + local;
+            var keeps = 0u;
+            var own: Cluster;
+            if at < n {
+                let partner = scratch[state.first + at];
+                let is_merged = partner != at && scratch[state.first + partner] == at;
+                keeps = select(1u, 0u, is_merged && partner < at);
+                if keeps == 1u {
+                    own = cluster_at(is_odd, state.first + at);
+                    if is_merged {
+                        let other = cluster_at(is_odd, state.first + partner);
+                        own = merged(own, other, n_below(own.word), n_below(other.word));
+                    }
+                }
+            }
+            let scanned = scan_group(local, keeps);
+            if keeps == 1u {
+                put_cluster(!is_odd, state.first + n_kept + scanned.before, own);
+            }
+            n_kept += scanned.total;
+        }
+        storageBarrier();
+        if local == 0u {
+            let is_forced = is_forced_after(n, n_kept, state.is_forced != 0u);
+            group_state = TreeState(state.first, state.first + n_kept, select(0u, 1u, is_forced));
+        }
+        step.number += 1u;
+    }
+    let few = workgroupUniformLoad(&group_state);
+    if local < few.end - few.first {
+        let own = cluster_at((step.number & 1u) == 1u, few.first + local);
+        group_clusters[local] = own;
+        group_below[local] = n_below(own.word);
+    }
     loop {
         let state = workgroupUniformLoad(&group_state);
         let n = state.end - state.first;
@@ -267,24 +364,20 @@ fn main(id: Invocation) {
             let is_merged = partner != local && group_partners[partner] == local;
             keeps = select(1u, 0u, is_merged && partner < local);
             own = group_clusters[local];
-            n_leaves = n_below[local];
+            n_leaves = group_below[local];
             if is_merged && keeps == 1u {
-                let other = group_clusters[partner];
-                merges[other.number] = Merge(own.word, other.word, n_leaves, n_leaves + n_below[partner]);
-                n_leaves += n_below[partner];
-                put_link(own.word, 2u * other.number);
-                put_link(other.word, 2u * other.number + 1u);
-                own = Cluster(min(own.low, other.low), own.number, max(own.high, other.high), other.number);
+                own = merged(own, group_clusters[partner], n_leaves, group_below[partner]);
+                n_leaves += group_below[partner];
             }
         }
         let scanned = scan_group(local, keeps);
         if keeps == 1u {
             group_clusters[scanned.before] = own;
-            n_below[scanned.before] = n_leaves;
+            group_below[scanned.before] = n_leaves;
         }
         if local == 0u {
             let is_forced = is_forced_after(n, scanned.total, state.is_forced != 0u);
-            group_state = TreeState(state.first, state.first + scanned.total, select(0u, 1u, is_forced), 0u);
+            group_state = TreeState(state.first, state.first + scanned.total, select(0u, 1u, is_forced));
         }
         step.number += 1u;
     }

@@ -80,26 +80,6 @@ fn main(id: Invocation) {
     }
 }
 
-// part mesh_boxes
-// The box of each mesh, from which its instances get theirs.
-// Reads: axis-aligned boxes of the roots.
-// Writes: two quads for each tree: the lower ends and 1, or 0 for a mesh without triangles; then the upper ends.
-// use shared/build/slice
-// use shared/build/root
-
-@group(0) @binding(2) var<storage, read_write> mesh_boxes: array<vec4<f32>>;
-
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let tree = slice_item(id, 64u);
-    if tree >= slice.end {
-        return;
-    }
-    let root = root_of(tree);
-    mesh_boxes[2u * tree] = vec4<f32>(root.low, select(1.0, 0.0, root.is_empty));
-    mesh_boxes[2u * tree + 1u] = vec4<f32>(root.high, 0.0);
-}
-
 // part pairs
 // The traversed form of binary trees: each inner node holds the volumes of both children and the words that refer to them.
 //
@@ -148,9 +128,10 @@ fn put(at: u32, child: u32) {
 }
 
 // part headers
-// The bounds that the header of each tree holds.
+// The bounds that the header of each tree holds, and the box of each mesh, from which its instances get theirs.
 // Reads: axis-aligned boxes of the roots.
-// Writes: reach and error of hits. Root and first triangle do not change.
+// Writes: reach and error of hits, root and first triangle do not change; two quads for each tree: the lower ends and 1, or 0 for a mesh
+// without triangles, then the upper ends.
 // use shared/build/slice
 // use shared/build/root
 
@@ -166,6 +147,7 @@ struct HeaderScale {
 /// As `Bvh` of shared/bvh: three rows and words of each tree.
 @group(0) @binding(2) var<storage, read_write> headers: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> header_scale: HeaderScale;
+@group(0) @binding(4) var<storage, read_write> mesh_boxes: array<vec4<f32>>;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -179,4 +161,6 @@ fn main(id: Invocation) {
     let at = 4u * (header_scale.first_header + tree);
     headers[at].w = header_scale.reach * greatest;
     headers[at + 2u].w = header_scale.error * greatest;
+    mesh_boxes[2u * tree] = vec4<f32>(root.low, select(1.0, 0.0, root.is_empty));
+    mesh_boxes[2u * tree + 1u] = vec4<f32>(root.high, 0.0);
 }

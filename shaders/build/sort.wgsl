@@ -1,14 +1,13 @@
 // Radix sort of keys with values, prefix sums over tiles, and what orders items by the result.
 
 // part count
-// Sort, first dispatch of a digit.
+// Sort, before the first digit, where what makes the keys does not count them.
 // Reads: keys.
-// Writes: for each value of the digit, the number of keys in each tile.
+// Writes: for each value of the digit, the number of keys in each block of tiles and in each tile.
 // Source: least significant digit radix sort by reduce, scan and scatter. No work-group waits for another.
-// use shared/build/digit
-// use ?keys
+// use shared/build/digit/counts
 
-@group(0) @binding(3) var<storage, read_write> counts: array<u32>;
+@group(0) @binding(2) var<storage, read> words: array<u32>;
 
 var<workgroup> histogram: array<atomic<u32>, RADIX>;
 
@@ -17,12 +16,12 @@ fn main(id: Invocation) {
     let tile = tile_of(id);
     let end = min(digit.n_keys, (tile + 1u) * TILE);
     for (var i = tile * TILE + id.local; i < end; i += GROUP) {
-        atomicAdd(&histogram[digit_of(key_at(i))], 1u);
+        atomicAdd(&histogram[digit_of(words[i])], 1u);
     }
     workgroupBarrier();
     if tile < slice.end {
         for (var value = id.local; value < RADIX; value += GROUP) {
-            counts[value * digit.n_tiles + tile] = atomicLoad(&histogram[value]);
+            add_keys(digit.first_count, value, tile, atomicLoad(&histogram[value]));
         }
     }
 }
@@ -68,37 +67,6 @@ fn item_at(i: u32) -> u32 {
     return values_in[i];
 }
 
-// part scan
-// Sort, second dispatch of a digit: one work-group for each value of the digit.
-// Reads: counts of the tiles.
-// Writes: exclusive prefix sums of the counts, in place, and the total for the value.
-// use shared/build/digit
-// use shared/build/scan
-
-@group(0) @binding(2) var<storage, read_write> counts: array<u32>;
-@group(0) @binding(3) var<storage, read_write> totals: array<u32>;
-
-@compute @workgroup_size(GROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let row = group.x * digit.n_tiles;
-    var sum = 0u;
-    for (var first = 0u; first < digit.n_tiles; first += GROUP) {
-        let tile = first + local;
-        var count = 0u;
-        if tile < digit.n_tiles {
-            count = counts[row + tile];
-        }
-        let scanned = scan_group(local, count);
-        if tile < digit.n_tiles {
-            counts[row + tile] = sum + scanned.before;
-        }
-        sum += scanned.total;
-    }
-    if local == 0u {
-        totals[group.x] = sum;
-    }
-}
-
 // part in_tile
 // Sorts the keys of a tile in work-group memory, four bits at a time.
 //
@@ -137,16 +105,17 @@ fn rank(local: u32) {
 }
 
 // part scatter
-// Sort, last dispatch of a digit.
-// Reads: keys with items, prefix sums of the counts.
-// Writes: keys with items, sorted by the digit. A tile is sorted first, so that it writes runs.
+// Sort, the dispatch of a digit.
+// Reads: keys with items, counts of the digit.
+// Writes: keys with items, sorted by the digit, and the counts of the next digit. A tile is sorted first, so that it writes runs.
 // use build/sort/in_tile
+// use shared/build/digit/counts
 // use ?keys
 
 @group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
-@group(0) @binding(7) var<storage, read> counts: array<u32>;
-@group(0) @binding(8) var<storage, read> totals: array<u32>;
+/// The next word of the keys, by item.
+@group(0) @binding(8) var<storage, read> next_words: array<u32>;
 
 /// Destination of the keys of each value, minus their first place in the sorted tile; may wrap around.
 var<workgroup> destinations: array<u32, RADIX>;
@@ -156,16 +125,36 @@ var<workgroup> starts: array<u32, RADIX>;
 
 /// Keys of each value before this tile, and in all tiles.
 fn before_and_all(value: u32, tile: u32) -> vec2<u32> {
-    let row = value * digit.n_tiles;
-    if digit.is_scanned != 0u {
-        return vec2<u32>(counts[row + tile], totals[value]);
-    }
+    let row = row_of(digit.first_count, value);
     var sums = vec2<u32>(0u);
-    for (var other = 0u; other < digit.n_tiles; other += 1u) {
-        let count = counts[row + other];
-        sums += vec2<u32>(select(0u, count, other < tile), count);
+    if digit.n_blocks == 0u {
+        for (var other = 0u; other < digit.n_tiles; other += 1u) {
+            let count = atomicLoad(&counts[row + other]);
+            sums += vec2<u32>(select(0u, count, other < tile), count);
+        }
+        return sums;
+    }
+    let own = tile / BLOCK;
+    for (var block = 0u; block < digit.n_blocks; block += 1u) {
+        let count = atomicLoad(&counts[row + block]);
+        sums += vec2<u32>(select(0u, count, block < own), count);
+    }
+    for (var other = own * BLOCK; other < tile; other += 1u) {
+        sums.x += atomicLoad(&counts[row + digit.n_blocks + other]);
     }
     return sums;
+}
+
+/// Counts a key that moves to `destination` for the next digit.
+fn count_next(key: u32, item: u32, destination: u32) {
+    if digit.next == 0u {
+        return;
+    }
+    var value = ((key / RADIX) >> digit.shift) & (RADIX - 1u);
+    if digit.next == NEXT_WORD {
+        value = next_words[item] & (RADIX - 1u);
+    }
+    add_keys(row_of(digit.first_count, RADIX), value, destination / TILE, 1u);
 }
 
 @compute @workgroup_size(GROUP)
@@ -227,18 +216,22 @@ fn main(id: Invocation) {
     for (var place = id.local; place < n_in_tile; place += GROUP) {
         let entry = entries[place];
         let destination = destinations[entry >> PLACE_BITS] + place;
-        keys_out[destination] = key_at(start + place_of(entry));
-        values_out[destination] = item_at(start + place_of(entry));
+        let key = key_at(start + place_of(entry));
+        let item = item_at(start + place_of(entry));
+        keys_out[destination] = key;
+        values_out[destination] = item;
+        count_next(key, item, destination);
     }
 }
 
 // part small
 // Sort of the keys of one tile by all bits of a word: one work-group, one dispatch.
 // Reads: keys with items.
-// Writes: items, sorted.
+// Writes: items, sorted; after the last word, that word of each.
 // use build/sort/in_tile
 // use ?keys
 
+@group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
 
 @compute @workgroup_size(GROUP)
@@ -272,11 +265,14 @@ fn main(id: Invocation) {
     }
     for (var place = id.local; place < digit.n_keys; place += GROUP) {
         values_out[place] = item_at(entries[half + place]);
+        if digit.next == 0u {
+            keys_out[place] = key_at(entries[half + place]);
+        }
     }
 }
 
 // part tile_sums
-// Prefix sums, first dispatch; build/sort/scan is the second.
+// Prefix sums, first dispatch, where there are several tiles.
 // Reads: values.
 // Writes: the sum of each tile.
 // use shared/build/digit
@@ -301,7 +297,7 @@ fn main(id: Invocation) {
 
 // part tile_prefixes
 // Prefix sums, last dispatch.
-// Reads: values, sums of the tiles before each tile.
+// Reads: values, sums of the tiles.
 // Writes: the sum of the values before each value.
 // use shared/build/digit
 // use shared/build/scan
@@ -319,13 +315,35 @@ fn main(id: Invocation) {
     for (var i = first; i < end; i++) {
         sum += values[i];
     }
-    var before = scan_group(id.local, sum).before;
-    if tile < slice.end {
-        before += counts[tile];
+    var before_tile = 0u;
+    for (var other = id.local; other < min(tile, slice.end); other += GROUP) {
+        before_tile += counts[other];
     }
+    var before = scan_group(id.local, sum).before + scan_group(id.local, before_tile).total;
     for (var i = first; i < end; i++) {
         prefixes[i] = before;
         before += values[i];
+    }
+}
+
+// part gather_two
+// After a sort by two words.
+// Reads: words by item, items in order.
+// Writes: the words of each item, in that order.
+// use shared/build/slice
+
+@group(0) @binding(1) var<storage, read> words: array<u32>;
+@group(0) @binding(2) var<storage, read> items: array<u32>;
+@group(0) @binding(3) var<storage, read_write> gathered: array<u32>;
+@group(0) @binding(4) var<storage, read> high_words: array<u32>;
+@group(0) @binding(5) var<storage, read_write> high_gathered: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let i = slice_item(id, 64u);
+    if i < slice.end {
+        gathered[i] = words[items[i]];
+        high_gathered[i] = high_words[items[i]];
     }
 }
 

@@ -18,81 +18,200 @@ fn main(id: Invocation) {
     }
 }
 
-// part levels
-// Volumes, once before the levels.
-// Reads: heights, nodes sorted by height.
-// Writes: for each height, the number of nodes that are not higher.
+// part aabbs_and_heights
+// Volumes: axis-aligned boxes and heights, bottom-up.
+// Reads: parents, leaves.
+// Writes: the box and the height of each inner node, and the maximum of the heights.
 // use shared/build/slice
+// use shared/build/climb
+// use build/topology/raise
+// use ?item
 
-@group(0) @binding(1) var<storage, read> heights: array<u32>;
-@group(0) @binding(2) var<storage, read> order: array<u32>;
-@group(0) @binding(3) var<storage, read_write> ends: array<u32>;
+@group(0) @binding(2) var<storage, read> leaves: array<u32>;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
-    if i >= slice.end {
-        return;
-    }
-    let height = heights[order[i]];
-    // The last node of this height.
-    if i + 1u == arrayLength(&heights) || heights[order[i + 1u]] != height {
-        ends[height] = i + 1u;
+    let leaf = slice_item(id, 64u);
+    if leaf < slice.end {
+        climb(parent_of_leaf(leaf), item_reach(leaves[leaf]));
+        raise(leaf);
     }
 }
 
-// part level_slices
-// Volumes, once before the levels, where the host does not wait for their sizes.
-// Reads: for each height, the number of nodes that are not higher; zero for a height without nodes.
-// Writes: for each height, the slice of its nodes, and the work-groups of a dispatch over it.
+// part treelets
+// Volumes, once before the nodes are walked.
+//
+// A treelet is a subtree of at most `TREELET` leaves whose parent has more; a large node has more, too.
+// Reads: nodes, parents, heights.
+// Writes: the treelets and the large nodes, in any order; the height of each node; a work-group for each treelet.
+// Holds: boxes do not depend on the order of atomics.
 // use shared/build/slice
+// use shared/build/tree
+// use shared/build/pass
+// use build/volumes/schedule
 
-@group(0) @binding(1) var<storage, read> ends: array<u32>;
-/// A slice for each height, as far apart as every device lets uniforms be.
-@group(0) @binding(2) var<storage, read_write> slices: array<u32>;
-@group(0) @binding(3) var<storage, read_write> groups: array<u32>;
+@group(0) @binding(1) var<storage, read> nodes: array<Node>;
+@group(0) @binding(2) var<storage, read> parents: array<u32>;
+@group(0) @binding(3) var<storage, read> heights: array<u32>;
+@group(0) @binding(4) var<storage, read_write> schedule: array<atomic<u32>>;
 
-/// Words between slices.
-const SLICE_WORDS: u32 = 64u;
-
-/// Work-groups along one axis, at most.
-const MOST_GROUPS: u32 = 65535u;
+fn is_large(slot: u32) -> bool {
+    return nodes[slot].last - nodes[slot].first >= TREELET;
+}
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let height = slice_item(id, 64u);
-    if height >= slice.end {
+    let slot = slice_item(id, 64u);
+    if slot >= slice.end {
         return;
     }
-    var first = 0u;
-    for (var lower = 0u; lower < height; lower++) {
-        first = max(first, ends[lower]);
+    let n_slots = arrayLength(&heights);
+    // Boxes of higher trees are not used.
+    let height = min(heights[slot], MAX_HEIGHT - 1u);
+    atomicStore(&schedule[height_at(slot, n_slots)], height);
+    if height == 0u {
+        return;
     }
-    let end = max(first, ends[height]);
-    slices[SLICE_WORDS * height] = first;
-    slices[SLICE_WORDS * height + 1u] = end;
-    slices[SLICE_WORDS * height + 2u] = 0u;
-    // In rows of equal length, as on the host.
-    let n = (end - first + 63u) / 64u;
-    let rows = max((n + MOST_GROUPS - 1u) / MOST_GROUPS, 1u);
-    groups[3u * height] = (n + rows - 1u) / rows;
-    groups[3u * height + 1u] = rows;
-    groups[3u * height + 2u] = 1u;
+    if is_large(slot) {
+        atomicStore(&schedule[large_at(atomicAdd(&schedule[N_LARGE], 1u), n_slots)], slot);
+    } else if parents[slot] == NONE || is_large(parents[slot]) {
+        let number = atomicAdd(&schedule[N_TREELETS], 1u);
+        atomicStore(&schedule[treelet_at(number)], slot);
+        let rows = rows_of(number + 1u);
+        atomicMax(&schedule[0], rows.x);
+        atomicMax(&schedule[1], rows.y);
+    }
+}
+
+// part schedule
+// Treelets and large nodes: the work-groups of a dispatch over the treelets, the number of treelets and of large nodes; a word for each
+// slot, treelets from the start and large nodes from the end; the height of each slot.
+
+const N_TREELETS: u32 = 3u;
+const N_LARGE: u32 = 4u;
+const HEAD: u32 = 8u;
+
+/// Most leaves of a treelet.
+const TREELET: u32 = 512u;
+
+fn treelet_at(number: u32) -> u32 {
+    return HEAD + number;
+}
+
+fn large_at(number: u32, n_slots: u32) -> u32 {
+    return HEAD + n_slots - 1u - number;
+}
+
+fn height_at(slot: u32, n_slots: u32) -> u32 {
+    return HEAD + n_slots + slot;
+}
+
+// part walk
+// Nodes in the order of their heights, so that each comes after its children.
+//
+// A work-group walks a treelet, with a barrier between heights. In the next dispatch, one work-group walks all large nodes. The kernel's
+// `visit` computes what belongs to a node.
+// use shared/build/slice
+// use shared/build/tree
+// use build/volumes/schedule
+
+struct Walk {
+    /// Whether the large nodes are walked.
+    is_large: u32,
+}
+
+@group(0) @binding(1) var<storage, read> nodes: array<Node>;
+@group(0) @binding(2) var<storage, read> schedule: array<u32>;
+@group(0) @binding(7) var<uniform> walk: Walk;
+/// The nodes of each treelet in the slots of its leaves, by height; then the large nodes.
+@group(0) @binding(8) var<storage, read_write> order: array<u32>;
+
+/// The number of nodes of each height, then where they start in `order`, then where they end.
+var<workgroup> height_ends: array<atomic<u32>, MAX_HEIGHT>;
+var<workgroup> greatest: atomic<u32>;
+var<workgroup> n_heights: u32;
+
+/// The nodes of a work-group are among `n` slots from `first` on, or `n` large nodes.
+struct Candidates {
+    first: u32,
+    n: u32,
+}
+
+fn candidates_of(number: u32) -> Candidates {
+    if walk.is_large != 0u {
+        return Candidates(0u, schedule[N_LARGE]);
+    }
+    if number >= schedule[N_TREELETS] {
+        return Candidates();
+    }
+    let root = nodes[schedule[treelet_at(number)]];
+    return Candidates(root.first, root.last - root.first + 1u);
+}
+
+/// The slot of a candidate; `NONE` where it belongs to another treelet or to no node.
+fn candidate(all: Candidates, i: u32, n_slots: u32) -> u32 {
+    if walk.is_large != 0u {
+        return schedule[large_at(i, n_slots)];
+    }
+    let slot = all.first + i;
+    let node = nodes[slot];
+    let is_below = node.first >= all.first && node.last < all.first + all.n;
+    return select(NONE, slot, is_below && schedule[height_at(slot, n_slots)] != 0u);
+}
+
+/// Visits the nodes of a work-group of 64 invocations.
+fn walk_nodes(id: Invocation) {
+    let local = id.local;
+    let n_slots = arrayLength(&order) / 2u;
+    let all = candidates_of(group_index(id));
+    let first = select(all.first, n_slots, walk.is_large != 0u);
+    for (var i = local; i < all.n; i += 64u) {
+        let slot = candidate(all, i, n_slots);
+        if slot != NONE {
+            let height = schedule[height_at(slot, n_slots)];
+            atomicAdd(&height_ends[height], 1u);
+            atomicMax(&greatest, height);
+        }
+    }
+    workgroupBarrier();
+    if local == 0u {
+        let last = atomicLoad(&greatest);
+        var n_before = 0u;
+        for (var height = 1u; height <= last; height++) {
+            n_before += atomicExchange(&height_ends[height], n_before);
+        }
+        n_heights = last;
+    }
+    let last = workgroupUniformLoad(&n_heights);
+    for (var i = local; i < all.n; i += 64u) {
+        let slot = candidate(all, i, n_slots);
+        if slot != NONE {
+            order[first + atomicAdd(&height_ends[schedule[height_at(slot, n_slots)]], 1u)] = slot;
+        }
+    }
+    storageBarrier();
+    workgroupBarrier();
+    var start = 0u;
+    for (var height = 1u; height <= last; height++) {
+        let end = atomicLoad(&height_ends[height]);
+        for (var i = start + local; i < end; i += 64u) {
+            visit(order[first + i]);
+        }
+        start = end;
+        storageBarrier();
+    }
 }
 
 // part merge
-// Volumes: oriented boxes, one dispatch per height.
+// Volumes: oriented boxes.
 // Reads: boxes of the children, axis-aligned boxes.
 // Writes: one box per node; the axis-aligned one if the oriented box does not have less area.
 // Holds: a box contains the boxes of its children and its items exactly; see shared/volumes/enclosure.
-// use shared/build/slice
-// use shared/build/tree
+// use build/volumes/walk
 // use shared/volumes/boxes
 // use ?item
 // use ?rule
 
-@group(0) @binding(1) var<storage, read> order: array<u32>;
-@group(0) @binding(2) var<storage, read> nodes: array<Node>;
 @group(0) @binding(3) var<storage, read> leaves: array<u32>;
 @group(0) @binding(4) var<storage, read> aabbs: array<f32>;
 
@@ -106,11 +225,10 @@ fn child_content(child: u32) -> Content {
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
-    if i >= slice.end {
-        return;
-    }
-    let slot = order[i];
+    walk_nodes(id);
+}
+
+fn visit(slot: u32) {
     let a = child_content(nodes[slot].left);
     let b = child_content(nodes[slot].right);
     let at = 6u * slot;
@@ -126,21 +244,18 @@ fn main(id: Invocation) {
 }
 
 // part moments
-// Volumes, `pca-unbounded`, first dispatches, one per height: moments of everything below a node, and its principal axes.
+// Volumes, `pca-unbounded`, first dispatches: moments of everything below a node, and its principal axes.
 // Reads: nodes, leaves, moments of the children.
 // Writes: moments; the frame of each node and a point of it as the center of its box.
 // Source: moments of triangles by area (Gottschalk et al. 1996), merged by the parallel-axis theorem (Chan, Golub, LeVeque 1979).
 //
 // Covariances are means, so that merging only needs the fraction of each child. Areas are clamped, so that no sum overflows; those
 // that underflow count equally. Either changes a frame, never whether a box encloses its node.
-// use shared/build/slice
-// use shared/build/tree
+// use build/volumes/walk
 // use shared/volumes/boxes
 // use shared/volumes/bounded
 // use ?item
 
-@group(0) @binding(1) var<storage, read> order: array<u32>;
-@group(0) @binding(2) var<storage, read> nodes: array<Node>;
 @group(0) @binding(3) var<storage, read> leaves: array<u32>;
 /// Ten floats per node: weight, mean, squares of the covariance, products of the covariance.
 @group(0) @binding(6) var<storage, read_write> node_moments: array<f32>;
@@ -184,11 +299,10 @@ fn moments_below(child: u32) -> Moments {
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
-    if i >= slice.end {
-        return;
-    }
-    let slot = order[i];
+    walk_nodes(id);
+}
+
+fn visit(slot: u32) {
     let a = moments_below(nodes[slot].left);
     let b = moments_below(nodes[slot].right);
     let sum = a.weight + b.weight;

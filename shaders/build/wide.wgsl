@@ -1,54 +1,99 @@
 // Eight-wide BVHs from binary trees, with all their dispatches.
 
 // part levels
-// Wide nodes of one level of a BVH, from the nodes of the level above.
-// Reads: binary tree, boxes, the wide nodes of this level as slots of their binary nodes.
-// Writes: the size of an aligned node for each wide node by slot, except for roots; the wide nodes of the next level, in any order.
+// Wide nodes below a list of them: a work-group for each, which finds those of the levels below one after another.
+//
+// A subtree has the slots of its leaves to itself, so the work-group keeps its wide nodes there, in the order in which it finds them. Where
+// a level has more of them than a work-group should go on with, it leaves that level to the work-groups of the next pass, which the device
+// dispatches. The last pass leaves nothing.
+// Reads: binary tree, boxes, wide nodes with the number of levels above each.
+// Writes: the size of an aligned node for each wide node by slot, except for roots; the wide nodes for the next pass, in any order, and its
+// work-groups; the depth.
 // Holds: which nodes are wide does not depend on the order of atomics.
 // use shared/build/wide
 // use shared/build/wide_word
+// use shared/build/pass
+// const GROUP
 
-struct Level {
-    /// Number of levels above.
-    level: u32,
-    /// Wide nodes of the first level.
-    n_first: u32,
-    /// Number of invocations: `i` handles the nodes `i`, `i + n_invocations` and so on.
-    n_invocations: u32,
+struct Limits {
+    /// Most wide nodes of a level with which a work-group goes on.
+    most: u32,
 }
 
-@group(0) @binding(3) var<uniform> wide_level: Level;
-@group(0) @binding(4) var<storage, read> queue_in: array<u32>;
-@group(0) @binding(5) var<storage, read_write> queue_out: array<u32>;
-/// Wide nodes of each level.
-@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>>;
-@group(0) @binding(7) var<storage, read_write> units: array<u32>;
+@group(0) @binding(3) var<uniform> wide_limits: Limits;
+/// Slot and level of each wide node.
+@group(0) @binding(4) var<storage, read> queue_in: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> queue_out: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> pass_in: PassSize;
+@group(0) @binding(7) var<storage, read_write> pass_out: NextPass;
+@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+/// The wide nodes that each work-group found, in the slots of its subtree.
+@group(0) @binding(9) var<storage, read_write> found: array<u32>;
 
-@compute @workgroup_size(64)
+/// The wide nodes of a level, among those that a work-group found from slot `first` on.
+struct Span {
+    first: u32,
+    start: u32,
+    end: u32,
+    level: u32,
+}
+
+var<workgroup> span: Span;
+var<workgroup> n_found: atomic<u32>;
+var<workgroup> first_left: u32;
+
+@compute @workgroup_size(GROUP)
 fn main(id: Invocation) {
-    let first = slice_item(id, 64u);
-    var n = wide_level.n_first;
-    if wide_level.level > 0u {
-        n = atomicLoad(&counts[wide_level.level]);
+    let number = slice.first + group_index(id);
+    let local = id.local;
+    if local == 0u && number < pass_in.n {
+        let root = queue_in[number];
+        let first = nodes[root.x].first;
+        found[first] = root.x;
+        atomicStore(&n_found, 1u);
+        span = Span(first, 0u, 1u, root.y);
     }
-    if first >= slice.end {
-        return;
+    loop {
+        let now = workgroupUniformLoad(&span);
+        let n = now.end - now.start;
+        if n == 0u || n > wide_limits.most {
+            break;
+        }
+        for (var i = now.start + local; i < now.end; i += GROUP) {
+            open(now, found[now.first + i]);
+        }
+        storageBarrier();
+        workgroupBarrier();
+        if local == 0u {
+            span = Span(now.first, now.end, atomicLoad(&n_found), now.level + 1u);
+        }
     }
-    for (var i = first; i < n; i += wide_level.n_invocations) {
-        open(queue_in[i]);
+    let left = workgroupUniformLoad(&span);
+    let n = left.end - left.start;
+    if local == 0u {
+        atomicMax(&pass_out.depth, left.level);
+        if n > 0u {
+            first_left = atomicAdd(&pass_out.n, n);
+            let rows = rows_of(first_left + n);
+            atomicMax(&pass_out.groups_x, rows.x);
+            atomicMax(&pass_out.groups_y, rows.y);
+        }
+    }
+    let first = workgroupUniformLoad(&first_left);
+    for (var i = local; i < n; i += GROUP) {
+        queue_out[first + i] = vec2<u32>(found[left.first + left.start + i], left.level);
     }
 }
 
 /// Finds the children of a wide node, and those of them that are wide nodes of the next level.
-fn open(slot: u32) {
+fn open(now: Span, slot: u32) {
     let children = children_of(slot);
-    if wide_level.level > 0u {
+    if now.level > 0u {
         units[slot] = ALIGNED;
     }
     for (var child = 0u; child < children.n; child++) {
         if !is_leaf(children.words[child]) {
-            let at = atomicAdd(&counts[wide_level.level + 1u], 1u);
-            queue_out[at] = children.words[child];
+            found[now.first + atomicAdd(&n_found, 1u)] = children.words[child];
         }
     }
 }
@@ -144,25 +189,29 @@ fn main(id: Invocation) {
     wide_slots[place] = slot + 1u;
 }
 
-// part children
-// The children of each wide node, which stay the same while only boxes change, in the order of shared/certain: child `i` toward the corner that is
-// high along axis `k` where bit `k` of `i` is set.
+// choice children/kept
+// The children of each wide node, which stay the same while only boxes change.
+
+/// Eight words for each wide node, by its first unit, as in `Node`; `NONE` where there is no child.
+@group(0) @binding(10) var<storage, read> wide_children: array<u32>;
+
+/// They are there already.
+fn find_children(unit: u32) {
+}
+
+// choice children/found
+// The children of each wide node, in the order of shared/certain: child `i` toward the corner that is high along axis `k` where bit `k` of
+// `i` is set.
 //
 // The children are halved at the median of their centers, along the axis where these spread most first, and each half along the next axis. All is done with
 // integers, so the order is the same on every device, and each child has a place of its own whatever its numbers are.
-// Reads: binary tree, boxes, items, the order of wide nodes.
-// Writes: eight words for each wide node, as in `Node`, by its first unit; `NONE` where there is no child.
 // use shared/build/wide/box
 
-@group(0) @binding(4) var<storage, read> wide_slots: array<u32>;
-@group(0) @binding(5) var<storage, read_write> wide_children: array<u32>;
+/// As above.
+@group(0) @binding(10) var<storage, read_write> wide_children: array<u32>;
 
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let unit = slice_item(id, 64u);
-    if unit >= slice.end || wide_slots[unit] == 0u {
-        return;
-    }
+/// Writes the children of the wide node at a unit.
+fn find_children(unit: u32) {
     let children = children_of(wide_slots[unit] - 1u);
     let places = places_of(children);
     for (var place = 0u; place < WIDTH; place++) {
@@ -230,16 +279,21 @@ fn number_of(keys: vec3<u32>) -> vec3<f32> {
 
 // part nodes
 // Wide nodes that are aligned with the axes, in the layout of shared/bvh/node.
-// Reads: binary tree, boxes, items, the order of wide nodes and their children.
-// Writes: one node for each.
+// Reads: binary tree, boxes, items, the order of wide nodes; their children, unless it finds those.
+// Writes: one node for each; the children of all wide nodes, if it finds them.
 // Holds: boxes are copies of coordinates.
 // use shared/build/wide_target
 // use shared/build/wide/box
+// use ?children
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
     let unit = slice_item(id, 64u);
-    if unit >= slice.end || !is_node(unit, false) {
+    if unit >= slice.end || wide_slots[unit] == 0u {
+        return;
+    }
+    find_children(unit);
+    if !is_node(unit, false) {
         return;
     }
     let at = UNIT_WORDS * (target_level.first_unit + unit);
@@ -269,6 +323,7 @@ fn main(id: Invocation) {
 // Reads: binary tree, oriented boxes, triangles, the order of wide nodes and their children.
 // Writes: one node for each that is oriented.
 // use shared/build/wide_target
+// use ?children
 // use shared/volumes/frame
 // use shared/volumes/slab
 // use shared/volumes/item/triangles

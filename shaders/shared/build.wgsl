@@ -23,6 +23,36 @@ fn stored(v: vec3<f32>) -> vec3<f32> {
     return bitcast<vec3<f32>>(bitcast<vec3<u32>>(v) ^ vec3(slice.zero));
 }
 
+// part pass
+// The size of a dispatch that the one before it finds: items, and a work-group for each.
+
+/// Before the dispatch.
+struct PassSize {
+    groups_x: u32,
+    groups_y: u32,
+    groups_z: u32,
+    n: u32,
+    depth: u32,
+}
+
+/// While it is found.
+struct NextPass {
+    groups_x: atomic<u32>,
+    groups_y: atomic<u32>,
+    groups_z: u32,
+    n: atomic<u32>,
+    /// Levels so far.
+    depth: atomic<u32>,
+}
+
+/// Work-groups along one axis, at most.
+const MOST_GROUPS: u32 = 65535u;
+
+/// Rows of work-groups for `n` of them. Both numbers grow with `n`.
+fn rows_of(n: u32) -> vec2<u32> {
+    return vec2<u32>(min(n, MOST_GROUPS), (n + MOST_GROUPS - 1u) / MOST_GROUPS);
+}
+
 // part tree
 // Inner nodes and references to their children and parents.
 //
@@ -216,8 +246,12 @@ struct Digit {
     n_tiles: u32,
     /// Lowest bit of the digit.
     shift: u32,
-    /// Whether counts are prefix sums; if not, there are few tiles, and every tile sums those before it.
-    is_scanned: u32,
+    /// First word of this digit in `counts`.
+    first_count: u32,
+    /// Blocks of tiles that have counts of their own; 0 where there are few tiles.
+    n_blocks: u32,
+    /// Which digit comes next: none, one of the same word, the lowest of the next word.
+    next: u32,
 }
 
 @group(0) @binding(1) var<uniform> digit: Digit;
@@ -230,6 +264,33 @@ fn digit_of(key: u32) -> u32 {
 /// Tile of a work-group. Tiles at or beyond `slice.end` do not exist.
 fn tile_of(id: Invocation) -> u32 {
     return slice.first + group_index(id);
+}
+
+// part digit/counts
+// The number of keys with each value of a digit, in each block of tiles and in each tile.
+// use shared/build/digit
+
+/// For each digit and each of its values a word for each block, then one for each tile.
+@group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
+
+/// Tiles of a block.
+const BLOCK: u32 = 32u;
+
+const NEXT_OF_WORD: u32 = 1u;
+const NEXT_WORD: u32 = 2u;
+
+/// The first word of a value in those of the digit that starts at `first`.
+fn row_of(first: u32, value: u32) -> u32 {
+    return first + value * (digit.n_blocks + digit.n_tiles);
+}
+
+/// Adds keys of a tile.
+fn add_keys(first: u32, value: u32, tile: u32, n: u32) {
+    let row = row_of(first, value);
+    atomicAdd(&counts[row + digit.n_blocks + tile], n);
+    if digit.n_blocks > 0u {
+        atomicAdd(&counts[row + tile / BLOCK], n);
+    }
 }
 
 // part scan
@@ -292,7 +353,6 @@ struct TreeState {
     end: u32,
     /// Whether all neighbors are merged next, because few partners were found.
     is_forced: u32,
-    padding: u32,
 }
 
 struct Iteration {
@@ -301,6 +361,12 @@ struct Iteration {
     radius: u32,
     /// Iterations with `NEAR_RADIUS` instead.
     n_near: u32,
+    /// Items of all trees.
+    n_items: u32,
+    /// Iterations that have dispatches of their own.
+    n_recorded: u32,
+    /// Blocks of tiles before the first iteration.
+    n_blocks: u32,
 }
 
 /// A node before it is renumbered.
@@ -348,6 +414,89 @@ fn radius_of(iteration: Iteration) -> u32 {
 fn is_forced_after(before: u32, after: u32, was_forced: bool) -> bool {
     let n_merged = before - after;
     return n_merged == 0u || (!was_forced && before > FEW && n_merged < before / SLOW);
+}
+
+// part ploc/states
+// The clusters of each tree, and how many there are before each iteration.
+// use shared/build/tree/forest
+
+/// Four words for each tree: its clusters as in `TreeState`, and its merged pairs of this iteration. Then the number of iterations so far,
+/// the number of clusters before each iteration and after the last, and for each iteration the number of kept clusters of each block of
+/// tiles.
+@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
+
+/// Tiles of a block.
+const BLOCK: u32 = 64u;
+
+fn state_of(tree: u32) -> TreeState {
+    return TreeState(atomicLoad(&states[4u * tree]), atomicLoad(&states[4u * tree + 1u]), atomicLoad(&states[4u * tree + 2u]));
+}
+
+/// Also ends the count of merged pairs.
+fn put_state(tree: u32, state: TreeState) {
+    atomicStore(&states[4u * tree], state.first);
+    atomicStore(&states[4u * tree + 1u], state.end);
+    atomicStore(&states[4u * tree + 2u], state.is_forced);
+    atomicStore(&states[merged_at(tree)], 0u);
+}
+
+fn merged_at(tree: u32) -> u32 {
+    return 4u * tree + 3u;
+}
+
+fn done_at() -> u32 {
+    return 4u * arrayLength(&ranges);
+}
+
+fn remaining_at(iteration: Iteration) -> u32 {
+    return done_at() + 1u + iteration.number;
+}
+
+fn block_at(iteration: Iteration, block: u32) -> u32 {
+    return done_at() + 2u + iteration.n_recorded + iteration.number * iteration.n_blocks + block;
+}
+
+// part ploc/scratch
+// What an iteration finds for each cluster: its partner and what follows. Then the number of kept clusters of each tile.
+
+/// Most clusters on each side that are compared.
+const REACH: u32 = 14u;
+
+/// A partner, whether both are merged, and whether the cluster is the first of its tree. Clusters take 32 bytes, and buffers less than
+/// 2^32, so a position has fewer than 30 bits.
+const PARTNER: u32 = 0x3fffffffu;
+const IS_MERGED: u32 = 0x80000000u;
+const IS_FIRST: u32 = 0x40000000u;
+
+/// Clusters of a tree that a work-group merges alone.
+const FEW_CLUSTERS: u32 = 256u;
+
+// part ploc/nodes
+// Nodes of merged pairs.
+
+@group(0) @binding(6) var<storage, read_write> merges: array<Merge>;
+/// Nodes by number, then leaves by position: the parent's number times two, plus 1 for a right child.
+@group(0) @binding(7) var<storage, read_write> links: array<u32>;
+
+/// The leaves below a cluster.
+fn n_below(word: u32) -> u32 {
+    if (word & LEAF) != 0u {
+        return 1u;
+    }
+    return merges[word].n;
+}
+
+fn put_link(word: u32, link: u32) {
+    let n = arrayLength(&links) / 2u;
+    links[select(word, n + (word & ~LEAF), (word & LEAF) != 0u)] = link;
+}
+
+/// The cluster of a merged pair with so many leaves below each, whose node is written.
+fn merged(a: Cluster, b: Cluster, n_left: u32, n_right: u32) -> Cluster {
+    merges[b.number] = Merge(a.word, b.word, n_left, n_left + n_right);
+    put_link(a.word, 2u * b.number);
+    put_link(b.word, 2u * b.number + 1u);
+    return Cluster(min(a.low, b.low), a.number, max(a.high, b.high), b.number);
 }
 
 // part wide
@@ -463,8 +612,6 @@ struct Level {
 @group(0) @binding(6) var<storage, read> wide_slots: array<u32>;
 @group(0) @binding(7) var<uniform> target_level: Level;
 @group(0) @binding(8) var<storage, read_write> wide_nodes: array<u32>;
-/// From build/wide/children.
-@group(0) @binding(10) var<storage, read> wide_children: array<u32>;
 
 /// A word that refers to nothing.
 const EMPTY: u32 = 0x7fffffffu;

@@ -149,8 +149,7 @@ fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f
         let items = Primitives::triangles(gpu, [corners])?;
         block_on(gpu.finish())?;
         let start = Instant::now();
-        let built =
-            block_on(Built::new(&mut BuildEncoder::new(gpu), items, BuildConfig { bits: Bits::B63, strategy }))?;
+        let built = Built::new(&mut BuildEncoder::new(gpu), items, BuildConfig { bits: Bits::B63, strategy })?;
         block_on(gpu.finish())?;
         drop(built);
         Ok(milliseconds(start))

@@ -112,12 +112,6 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Creates a buffer of `len` zeros that kernels write, and later kernels read as uniforms.
-    pub(crate) fn uniforms<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
-        let usage = BufferUsages::STORAGE | BufferUsages::UNIFORM;
-        self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
-    }
-
     /// Creates a buffer of `len` zeros that kernels write, and that sizes later dispatches.
     pub(crate) fn indirect<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
         let usage = BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;

@@ -161,7 +161,7 @@ impl Commands<'_> {
         })
     }
 
-    /// Adds a dispatch of as many work-groups as entry `number` of `groups`, three words each, says when it runs.
+    /// Adds a dispatch of as many work-groups as entry `number` of `groups` says in its first three words when it runs.
     pub(crate) fn dispatch_indirect<T>(
         &mut self,
         kernel: &Kernel,
@@ -170,7 +170,10 @@ impl Commands<'_> {
         number: u32,
     ) -> Result<(), GpuError> {
         self.record_pass(kernel, bound, |pass| {
-            pass.dispatch_workgroups_indirect(&groups.raw, groups.first_byte + 12 * u64::from(number))
+            pass.dispatch_workgroups_indirect(
+                &groups.raw,
+                groups.first_byte + size_of::<T>() as u64 * u64::from(number),
+            )
         })
     }
 

@@ -188,7 +188,7 @@ impl Twin {
     fn built(&self, gpu: &Gpu, strategy: Strategy) -> Built {
         let items = Primitives::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
         let config = BuildConfig { bits: Bits::B63, strategy };
-        block_on(Built::new(&mut BuildEncoder::new(gpu), items, config)).expect("a small tree")
+        Built::new(&mut BuildEncoder::new(gpu), items, config).expect("a small tree")
     }
 
     /// Whether the device's leaves or nodes differ from the CPU's.

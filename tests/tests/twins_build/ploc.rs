@@ -43,11 +43,11 @@ fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
 }
 
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin]) -> Result<(), String> {
-    let built = block_on(Built::new(
+    let built = Built::new(
         &mut BuildEncoder::new(gpu),
         primitives(gpu, there),
         WideConfig { topology: Topology::Ploc, ..WideConfig::default() },
-    ))
+    )
     .unwrap();
     end_to_end(gpu, &built, twins)
 }
@@ -136,7 +136,7 @@ fn stages(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
     let primitives = primitives(gpu, twins);
     let domains = build::domain(&mut build, &primitives, bits).unwrap();
     let codes = build::codes(&mut build, &primitives, &domains, bits).unwrap();
-    let built = block_on(Built::new(&mut build, primitives, BuildConfig { bits, strategy })).unwrap();
+    let built = Built::new(&mut build, primitives, BuildConfig { bits, strategy }).unwrap();
     let mut words = vec![
         ("grids", read(gpu, &domains)),
         ("low words of codes", read(gpu, &codes.low)),

@@ -42,7 +42,7 @@ fn instances(placed: &[Affine]) -> Vec<Instance> {
 }
 
 fn bottom(gpu: &Gpu, config: BuildConfig) -> Built {
-    block_on(Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, &twins(&meshes(), config.bits)), config)).unwrap()
+    Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, &twins(&meshes(), config.bits)), config).unwrap()
 }
 
 /// The tree over instances, and their boxes, which the CPU computes from the device's root boxes.
@@ -51,7 +51,7 @@ fn top(gpu: &Gpu, instances: &[Instance], config: BuildConfig) -> (Built, Vec<Ob
     let of = |instance: &Instance| Some(roots[instance.blas as usize]?.transformed(&instance.world_from_object));
     let boxes: Vec<Obb> = instances.iter().filter_map(of).collect();
     let primitives = Primitives::boxes(gpu, &boxes).unwrap();
-    (block_on(Built::new(&mut BuildEncoder::new(gpu), primitives, config)).unwrap(), boxes)
+    (Built::new(&mut BuildEncoder::new(gpu), primitives, config).unwrap(), boxes)
 }
 
 /// Asserts that the top level equals the CPU's over the same boxes, and that its boxes contain them.

@@ -33,7 +33,7 @@ struct Boxes<'a> {
 /// Builds the meshes and calls `look` for the boxes of each, with the CPU's twin.
 fn with_boxes(gpu: &Gpu, twins: &[Twin], strategy: Strategy, look: impl Fn(usize, &Twin, Boxes<'_>)) {
     let config = BuildConfig { bits: Bits::B63, strategy };
-    let built = block_on(Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), config)).unwrap();
+    let built = Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), config).unwrap();
     let aabbs = block_on(gpu.read(&built.aabbs)).unwrap();
     let obbs = built.obbs.as_ref().map_or_else(Vec::new, |obbs| block_on(gpu.read(obbs)).unwrap());
     for (index, (twin, &Range { first, .. })) in twins.iter().zip(built.primitives.ranges()).enumerate() {

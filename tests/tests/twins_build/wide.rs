@@ -215,18 +215,17 @@ fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Resul
 /// Compares what the device makes of `there` with the CPU's result for `twins`.
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
     let mut build = BuildEncoder::new(gpu);
-    let built =
-        block_on(Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }))
-            .unwrap();
-    let wide = block_on(WideBvhs::new(&mut build, &built, None)).unwrap();
+    let built = Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
+    let wide = WideBvhs::new(&mut build, &built, None).unwrap();
     let (nodes, triangles) = (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
     let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
     let (cpu_nodes, cpu_triangles, depth) = expected(twins, built.primitives.ranges(), &first_units);
     unequal("nodes", &nodes, &cpu_nodes)?;
     unequal("triangles", &triangles, &cpu_triangles)?;
-    if wide.levels[0].depth != depth {
-        return Err(format!("depth: {} for {depth}", wide.levels[0].depth));
+    let depths = block_on(wide.depths(gpu)).unwrap();
+    if depths != [depth] {
+        return Err(format!("depth: {depths:?} for {depth}"));
     }
     for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
         check(&Wide { nodes: &nodes, leaves: &triangles, root }, &twin.primitives)
@@ -276,8 +275,8 @@ fn repeated_collapses_give_the_same_words() {
     let twins = twins(&[large(6, 20_000), soup(8, 100)], Bits::B63);
     let words = || {
         let mut build = BuildEncoder::new(&gpu);
-        let built = block_on(Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default())).unwrap();
-        let wide = block_on(WideBvhs::new(&mut build, &built, None)).unwrap();
+        let built = Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default()).unwrap();
+        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap(), wide.levels)
     };
     assert!(words() == words());
@@ -291,10 +290,8 @@ fn oriented_nodes_enclose_their_triangles() {
     for (strategy, topology) in STRATEGIES.into_iter().zip([Topology::Radix, Topology::Ploc].into_iter().cycle()) {
         let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { bits: Bits::B63, strategy };
-        let built =
-            block_on(Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }))
-                .unwrap();
-        let wide = block_on(WideBvhs::new(&mut build, &built, None)).unwrap();
+        let built = Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }).unwrap();
+        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         let (nodes, triangles) =
             (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap());
         let n_oriented: usize = twins

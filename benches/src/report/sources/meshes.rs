@@ -176,7 +176,7 @@ fn built_in_groups(gpu: &Gpu, groups: &[&[Vec<Corners>]], config: BuildConfig) -
     let items = items.collect::<Result<Vec<_>, _>>()?;
     block_on(gpu.finish())?;
     let start = Instant::now();
-    let built = items.into_iter().map(|items| block_on(Built::new(&mut BuildEncoder::new(gpu), items, config)));
+    let built = items.into_iter().map(|items| Built::new(&mut BuildEncoder::new(gpu), items, config));
     let built = built.collect::<Result<Vec<_>, _>>()?;
     block_on(gpu.finish())?;
     let ms = start.elapsed().as_secs_f64() * 1e3;

@@ -106,7 +106,7 @@ fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Primi
 fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
     let mut build = BuildEncoder::new(gpu);
-    let roots = block_on(block_on(Built::new(&mut build, primitives, config))?.roots(gpu))?;
+    let roots = block_on(Built::new(&mut build, primitives, config)?.roots(gpu))?;
     let mut over_instances = || {
         let of = |instance: &Instance| Some(roots[instance.mesh.0 as usize]?.transformed(&instance.world_from_object));
         let boxes: Vec<Obb> = scene.instances.iter().filter_map(of).collect();
@@ -114,7 +114,7 @@ fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64),
             let what = "an instance whose bounds exceed the range of f32".to_owned();
             return Err(GpuError::Unsupported { what });
         }
-        block_on(Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config))
+        Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config)
     };
     over_instances()?;
     block_on(gpu.finish())?;

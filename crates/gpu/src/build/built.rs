@@ -5,13 +5,12 @@ use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
 use canted_shaders::wgsl;
 
-use super::instances::MeshBoxes;
-use super::ploc::ploc;
+use super::ploc::{MAX_HEIGHT, ploc};
 use super::primitives::Leaf;
-use super::stages::{Sorted, Trees, codes, domain, sort, tree};
-use super::volumes::{aabbs, obbs};
+use super::stages::{Grids, Sorted, Trees, bounds, codes_and_counts, sort_counted, topology};
+use super::volumes::{aabbs_and_depths, obbs};
 use super::{BuildConfig, BuildEncoder, Primitives, Range, Topology, WideConfig};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, block_on};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// The trees of a level in device memory.
 pub struct Built {
@@ -32,20 +31,19 @@ impl Built {
     /// Builds the trees over `primitives`, all with the same dispatches.
     ///
     /// # Errors
-    /// Out of memory, device lost, or an unsupported strategy; clustering where the build is recorded, because it reads numbers back.
-    pub async fn new(
+    /// Out of memory, device lost, or an unsupported strategy.
+    pub fn new(
         build: &mut BuildEncoder<'_>,
         primitives: Primitives,
         config: impl Into<WideConfig>,
     ) -> Result<Self, GpuError> {
-        let (leaves, trees, aabbs, obbs) = over(build, &primitives, config.into()).await?;
+        let (leaves, trees, aabbs, obbs) = over(build, &primitives, config.into())?;
         Ok(Self { primitives, leaves, trees, aabbs, obbs })
     }
 
     /// Builds the trees again over the same primitives, whose vertices have moved.
     pub(crate) fn rebuild(&mut self, build: &mut BuildEncoder<'_>, config: BuildConfig) -> Result<(), GpuError> {
-        // What is recorded reads nothing back.
-        (self.leaves, self.trees, self.aabbs, self.obbs) = block_on(over(build, &self.primitives, config.into()))?;
+        (self.leaves, self.trees, self.aabbs, self.obbs) = over(build, &self.primitives, config.into())?;
         Ok(())
     }
 
@@ -53,8 +51,7 @@ impl Built {
     pub(crate) fn refit_obbs(&mut self, build: &mut BuildEncoder<'_>, config: BuildConfig) -> Result<(), GpuError> {
         let Self { primitives, leaves, trees, aabbs, obbs: old } = self;
         if config.strategy != Strategy::Aabb {
-            // As above.
-            *old = Some(block_on(obbs(build, primitives, leaves, trees, aabbs, config.strategy))?);
+            *old = Some(obbs(build, primitives, leaves, trees, aabbs, config.strategy)?);
         }
         Ok(())
     }
@@ -63,18 +60,18 @@ impl Built {
 /// All that is built over primitives: leaves, trees, axis-aligned and oriented boxes.
 type Over = (Buffer<u32>, Trees, Buffer<Aabb>, Option<Buffer<Obb>>);
 
-async fn over(build: &mut BuildEncoder<'_>, primitives: &Primitives, config: WideConfig) -> Result<Over, GpuError> {
-    let domains = domain(build, primitives, config.bits)?;
-    let codes = codes(build, primitives, &domains, config.bits)?;
-    let Sorted { codes, leaves } = sort(build, primitives, &codes)?;
+fn over(build: &mut BuildEncoder<'_>, primitives: &Primitives, config: WideConfig) -> Result<Over, GpuError> {
+    let bounds = bounds(build, primitives)?;
+    let (codes, beside) = codes_and_counts(build, primitives, Grids::Of(&bounds), config.bits)?;
+    let Sorted { codes, leaves } = sort_counted(build, primitives, &codes, beside)?;
     let (leaves, trees) = match config.topology {
-        Topology::Radix => (leaves, tree(build, primitives, &codes)?),
-        Topology::Ploc => ploc(build, primitives, &leaves).await?,
+        Topology::Radix => (leaves, topology(build, primitives, &codes)?),
+        Topology::Ploc => ploc(build, primitives, &leaves)?,
     };
-    let aabbs = aabbs(build, primitives, &leaves, &trees)?;
+    let aabbs = aabbs_and_depths(build, primitives, &leaves, &trees)?;
     let obbs = match config.strategy {
         Strategy::Aabb => None,
-        strategy => Some(obbs(build, primitives, &leaves, &trees, &aabbs, strategy).await?),
+        strategy => Some(obbs(build, primitives, &leaves, &trees, &aabbs, strategy)?),
     };
     Ok((leaves, trees, aabbs, obbs))
 }
@@ -117,8 +114,7 @@ impl Built {
             dispatches.work.copy_range((&**all, first), (&**own, 0), count);
             Ok(())
         })?;
-        // What is recorded reads nothing back.
-        let own = block_on(Self::new(build, primitives, config))?;
+        let own = Self::new(build, primitives, config)?;
         self.adopt(build, &own, first)
     }
 
@@ -151,6 +147,24 @@ impl Built {
 }
 
 impl Built {
+    /// Reads back the greatest depth of the trees, in nodes including the leaf; 0 without primitives.
+    ///
+    /// # Errors
+    /// Clustered trees of more than 127 levels, as degenerate input may give, whose boxes are not all computed; the device is lost.
+    pub async fn depth(&self, gpu: &Gpu) -> Result<u32, GpuError> {
+        let depth = gpu.read(&self.trees.depth).await?[0];
+        if depth > MAX_HEIGHT {
+            let what = format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}");
+            return Err(GpuError::Unsupported { what });
+        }
+        Ok(depth)
+    }
+
+    /// Rejects clustered trees that are too deep. Of other trees nothing is read back: their depth is bounded.
+    pub(crate) async fn check_depth(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        if self.trees.is_clustered { self.depth(gpu).await.map(drop) } else { Ok(()) }
+    }
+
     /// Root box of each tree, in its own space; `None` for an empty tree.
     ///
     /// # Errors
@@ -173,21 +187,6 @@ impl Built {
         let nodes = gpu.read_at(&self.aabbs, &self.firsts(|n| n > 1)).await?;
         let leaves = self.leaf_aabbs(gpu, &self.firsts(|n| n == 1)).await?;
         Ok(self.of_roots(nodes, leaves).into_iter().map(|root| root.unwrap_or(Aabb::EMPTY)).collect())
-    }
-
-    /// Writes the root boxes of the trees from `first` on.
-    pub(crate) fn put_boxes(
-        &self,
-        build: &mut BuildEncoder<'_>,
-        boxes: &MeshBoxes,
-        trees: [u32; 2],
-    ) -> Result<(), GpuError> {
-        let gpu = build.gpu();
-        let bound = self.primitives.bound(&[("aabbs", &self.aabbs), ("mesh_boxes", boxes)]);
-        build.stage("roots", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::scene::MESH_BOXES, &self.primitives.part())?;
-            dispatches.range(&kernel, &bound, trees)
-        })
     }
 
     async fn leaf_aabbs(&self, gpu: &Gpu, primitives: &[u32]) -> Result<Vec<Aabb>, GpuError> {

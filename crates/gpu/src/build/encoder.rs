@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::wait::Instant;
-use crate::{AdapterKind, Commands, Gpu, GpuError, Kernel, NamedBinding};
+use crate::{AdapterKind, Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
 /// Maximum number of invocations per submission and per dispatch: about 100 ms on a software driver, less on hardware.
 const SOFTWARE_INVOCATIONS: u32 = 1 << 18;
@@ -43,15 +43,10 @@ impl<'a> BuildEncoder<'a> {
         Self { gpu, encoder: None, timed: true, times: vec![] }
     }
 
-    /// Records stages into `encoder`, which the program submits. Stages that read results back are then refused.
+    /// Records stages into `encoder`, which the program submits.
     #[must_use]
     pub fn recorded(gpu: &'a Gpu, encoder: &'a mut wgpu::CommandEncoder) -> Self {
         Self { gpu, encoder: Some(encoder), timed: false, times: vec![] }
-    }
-
-    /// Whether stages are recorded, so that no result can be read back yet.
-    pub(super) fn is_recorded(&self) -> bool {
-        self.encoder.is_some()
     }
 
     /// The device.
@@ -113,6 +108,29 @@ pub(super) struct Slice {
     pub(super) first: u32,
     pub(super) end: u32,
     pub(super) zero: u32,
+}
+
+impl Slice {
+    /// All items, where kernels find on the device how many there are.
+    pub(super) const ALL: Self = Self { first: 0, end: u32::MAX, zero: 0 };
+}
+
+/// `PassSize` of `shared/build/pass`: the work-groups of a dispatch, and what it is over, as the dispatch before finds them.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct PassSize {
+    groups: [u32; 3],
+    n: u32,
+    pub(super) depth: u32,
+}
+
+impl PassSize {
+    /// A size that is not found yet, of `n` items so far.
+    pub(super) fn buffer(gpu: &Gpu, n: u32) -> Result<Buffer<Self>, GpuError> {
+        let size = gpu.indirect("size of a dispatch", 1)?;
+        gpu.write(&size, &[Self { groups: [0, 0, 1], n, depth: 0 }]);
+        Ok(size)
+    }
 }
 
 impl Dispatches<'_> {

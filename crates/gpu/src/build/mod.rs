@@ -52,7 +52,7 @@ pub struct BuildConfig {
 /// How the topology of a tree is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Topology {
-    /// The radix tree over the Morton codes: the quickest build, which can be recorded.
+    /// The radix tree over the Morton codes: the quickest build, which recorded rebuilds use.
     #[default]
     Radix,
     /// Locally-ordered clustering, as by `ploc` of `canted_sah`: less traversal cost.

@@ -2,7 +2,7 @@
 
 use canted_lbvh::{Bits, Strategy};
 
-use super::stages::{codes, domain, sort, tree};
+use super::stages::{Grids, codes_and_counts, domain, sort_counted, tree};
 use super::volumes::{aabbs, obbs};
 use super::{BuildEncoder, Primitives, STRATEGIES, StageTime};
 use crate::{Gpu, GpuError};
@@ -75,9 +75,9 @@ impl Passes {
         let mut build = BuildEncoder::timed(gpu);
         let domains = domain(&mut build, primitives, bits)?;
         self.domain = Some(taken(&build, &["domain"]));
-        let input = codes(&mut build, primitives, &domains, bits)?;
+        let (input, beside) = codes_and_counts(&mut build, primitives, Grids::Given(&domains), bits)?;
         self.codes = Some(taken(&build, &["codes"]));
-        let sorted = sort(&mut build, primitives, &input)?;
+        let sorted = sort_counted(&mut build, primitives, &input, beside)?;
         self.sort = Some(taken(&build, &["sort"]));
         let trees = tree(&mut build, primitives, &sorted.codes)?;
         self.tree = Some(taken(&build, &["tree"]));
@@ -85,7 +85,7 @@ impl Passes {
         self.boxes[0] = Some(taken(&build, &["aabb"]));
         for (boxes, strategy) in self.boxes.iter_mut().zip(STRATEGIES).skip(1) {
             let mut build = BuildEncoder::timed(gpu);
-            obbs(&mut build, primitives, &sorted.leaves, &trees, &axis_aligned, strategy).await?;
+            obbs(&mut build, primitives, &sorted.leaves, &trees, &axis_aligned, strategy)?;
             *boxes = Some(taken(&build, &["levels", "obb"]));
         }
         Ok(())

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! trees, leaves -> axis-aligned boxes
-//!               -> nodes by height -> frame of each node by a rule over its children, or by the moments of everything below it
+//!               -> small subtrees -> frame of each node by a rule over its children, or by the moments of everything below it
 //!               -> boxes along each of a fixed set of frames, of which the best is kept
 //! ```
 
@@ -11,12 +11,9 @@ use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Frame, Obb, dop::frames};
 use canted_shaders::{choice, wgsl};
 
-use super::encoder::Dispatches;
-use super::primitives::count;
-use super::sort::Sorter;
+use super::encoder::{Dispatches, Slice};
 use super::stages::Trees;
 use super::{BuildEncoder, Primitives};
-use crate::commands::Slot;
 use crate::{Buffer, GpuError, Kernel, NamedBinding, Variant};
 
 /// The axis-aligned box of each inner node, by slot.
@@ -39,11 +36,34 @@ pub fn aabbs(
     Ok(aabbs)
 }
 
+/// The same, and the heights of the nodes and the depth of the trees, which are filled in.
+pub(super) fn aabbs_and_depths(
+    build: &mut BuildEncoder<'_>,
+    primitives: &Primitives,
+    leaves: &Buffer<u32>,
+    trees: &Trees,
+) -> Result<Buffer<Aabb>, GpuError> {
+    let gpu = build.gpu();
+    let aabbs = gpu.zeroed("axis-aligned boxes", primitives.len() as usize)?;
+    let bound = primitives.bound(&[
+        ("parents", &trees.parents),
+        ("leaves", leaves),
+        ("ends", &aabbs),
+        ("heights", &trees.heights),
+        ("depth", &trees.depth),
+    ]);
+    build.stage("aabb", |dispatches| {
+        let kernel = gpu.kernel(wgsl::build::volumes::AABBS_AND_HEIGHTS, &primitives.part())?;
+        dispatches.items(&kernel, &bound, primitives.len())
+    })?;
+    Ok(aabbs)
+}
+
 /// The volume of each inner node, by slot: the oriented box, or the axis-aligned one if that has no more area.
 ///
 /// # Errors
 /// As for [`aabbs`]; or an unsupported strategy.
-pub async fn obbs(
+pub fn obbs(
     build: &mut BuildEncoder<'_>,
     primitives: &Primitives,
     leaves: &Buffer<u32>,
@@ -56,22 +76,16 @@ pub async fn obbs(
         Strategy::Quaternion => choice::Rule::Quaternion,
         Strategy::Combined => choice::Rule::Combined,
         Strategy::Dop => return dop(build, primitives, leaves, trees, aabbs),
-        Strategy::PcaUnbounded => return unbounded(build, primitives, leaves, trees, aabbs).await,
+        Strategy::PcaUnbounded => return unbounded(build, primitives, leaves, trees, aabbs),
         Strategy::Aabb => {
             let message = format!("volume strategy {strategy:?} is not supported on the GPU");
             return Err(GpuError::Invalid { message });
         }
     };
     let gpu = build.gpu();
-    let schedule = Schedule::new(build, trees).await?;
+    let schedule = Schedule::new(build, primitives, trees)?;
     let obbs = gpu.zeroed("oriented boxes", primitives.len() as usize)?;
-    let bound = primitives.bound(&[
-        ("order", &schedule.order),
-        ("nodes", &trees.nodes),
-        ("leaves", leaves),
-        ("aabbs", aabbs),
-        ("obbs", &obbs),
-    ]);
+    let bound = primitives.bound(&[("nodes", &trees.nodes), ("leaves", leaves), ("aabbs", aabbs), ("obbs", &obbs)]);
     build.stage("obb", |dispatches| {
         let kernel = gpu.kernel(wgsl::build::volumes::MERGE, &primitives.part().with(rule))?;
         schedule.dispatch(dispatches, &kernel, &bound)
@@ -84,7 +98,7 @@ pub async fn obbs(
 ///
 /// Frames are computed one height at a time. Then each run of leaves measures itself in the frame of every node above it, so the
 /// time is proportional to the sum of all subtree sizes, as on the CPU.
-pub(super) async fn unbounded(
+pub(super) fn unbounded(
     build: &mut BuildEncoder<'_>,
     primitives: &Primitives,
     leaves: &Buffer<u32>,
@@ -92,19 +106,14 @@ pub(super) async fn unbounded(
     aabbs: &Buffer<Aabb>,
 ) -> Result<Buffer<Obb>, GpuError> {
     let gpu = build.gpu();
-    let schedule = Schedule::new(build, trees).await?;
+    let schedule = Schedule::new(build, primitives, trees)?;
     let n = primitives.len();
     let obbs = gpu.zeroed("oriented boxes", n as usize)?;
     let moments = gpu.zeroed::<[f32; 10]>("moments", n as usize)?;
     let ends = gpu.zeroed::<[f32; 6]>("extents in the frames of nodes", n as usize)?;
     build.stage("obb", |dispatches| {
-        let more: [NamedBinding<'_>; 5] = [
-            ("order", &schedule.order),
-            ("nodes", &trees.nodes),
-            ("leaves", leaves),
-            ("obbs", &obbs),
-            ("node_moments", &moments),
-        ];
+        let more: [NamedBinding<'_>; 4] =
+            [("nodes", &trees.nodes), ("leaves", leaves), ("obbs", &obbs), ("node_moments", &moments)];
         let bound = primitives.bound(&more);
         let kernel = gpu.kernel(wgsl::build::volumes::MOMENTS, &primitives.part())?;
         schedule.dispatch(dispatches, &kernel, &bound)?;
@@ -193,95 +202,75 @@ pub(super) fn dop(
     Ok(obbs)
 }
 
-/// Maximum height of a tree: bits of a code, bits of a position, and the leaf.
-const HEIGHTS: usize = 128;
+/// `TREELET` of `build/volumes/schedule`: most leaves of a subtree that a work-group walks.
+const TREELET: u32 = 512;
 
-/// Bits of a height.
-const HEIGHT_BITS: u32 = 7;
+/// Words before the lists of a schedule, as there.
+const HEAD: usize = 8;
 
-/// Bytes between slices of heights: uniforms start at multiples of it on every device.
-const SLICE_BYTES: u64 = 256;
-
-/// The nodes of all trees, in order of height.
-pub(super) struct Schedule {
-    /// Slots by height.
-    pub(super) order: Buffer<u32>,
-    levels: Levels,
+/// `Walk` of `build/volumes/walk`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Walk {
+    is_large: u32,
 }
 
-/// Where each height starts and ends.
-enum Levels {
-    /// The range of `order` for each height, from the lowest.
-    Known(Vec<[u32; 2]>),
-    /// The same on the device: a slice for each height, and its work-groups.
-    There { slices: Buffer<[u32; 64]>, groups: Buffer<[u32; 3]>, n_heights: u32 },
+/// The nodes of all trees, so that each comes after its children: small subtrees, and the nodes above them.
+pub(super) struct Schedule {
+    schedule: Buffer<u32>,
+    order: Buffer<u32>,
+    slice: Buffer<Slice>,
+    /// Whether trees have nodes above small subtrees.
+    has_large: bool,
 }
 
 impl Schedule {
-    /// Sorts the nodes by height. Where stages are not recorded, reads back where each height starts; otherwise there is a dispatch for
-    /// every height that the codes allow, whose size the device computes.
+    /// Finds the small subtrees and the nodes above them.
     ///
     /// # Errors
     /// Out of memory, or device lost.
-    pub(super) async fn new(build: &mut BuildEncoder<'_>, trees: &Trees) -> Result<Self, GpuError> {
+    pub(super) fn new(build: &mut BuildEncoder<'_>, primitives: &Primitives, trees: &Trees) -> Result<Self, GpuError> {
         let gpu = build.gpu();
-        let sorter = Sorter::new(gpu);
-        let order = sorter.sort_as("levels", build, &[(&trees.heights, HEIGHT_BITS)])?;
-        let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;
-        let bound: [NamedBinding<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
+        let n = primitives.len() as usize;
+        let schedule = gpu.indirect("small subtrees and nodes above", HEAD + 2 * n)?;
+        gpu.write(&schedule, &[0, 0, 1]);
+        let bound: [NamedBinding<'_>; 4] = [
+            ("nodes", &trees.nodes),
+            ("parents", &trees.parents),
+            ("heights", &trees.heights),
+            ("schedule", &schedule),
+        ];
         build.stage("levels", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::volumes::LEVELS, &Variant::none())?;
-            dispatches.items(&kernel, &bound, count(order.len()))
+            let kernel = gpu.kernel(wgsl::build::volumes::TREELETS, &Variant::none())?;
+            dispatches.items(&kernel, &bound, primitives.len())
         })?;
-        let levels = if build.is_recorded() {
-            Levels::there(build, trees, &ends)?
-        } else {
-            Levels::known(&gpu.read(&ends).await?)
-        };
-        Ok(Self { order, levels })
+        Ok(Self {
+            schedule,
+            order: gpu.zeroed("nodes by height", 2 * n)?,
+            slice: gpu.uniform("slice", &Slice::ALL)?,
+            has_large: primitives.ranges().iter().any(|range| range.count > TREELET),
+        })
     }
 
-    /// One dispatch for each height, from the lowest, each with an invocation for each node.
+    /// Runs a kernel of `build/volumes/walk` over all nodes.
     pub(super) fn dispatch(
         &self,
         dispatches: &mut Dispatches<'_>,
         kernel: &Kernel,
         bound: &[NamedBinding<'_>],
     ) -> Result<(), GpuError> {
-        match &self.levels {
-            Levels::Known(levels) => levels.iter().try_for_each(|&level| dispatches.range(kernel, bound, level)),
-            Levels::There { slices, groups, n_heights } => (1..=*n_heights).try_for_each(|height| {
-                let slice = Slot { buffer: &slices.raw, first_byte: SLICE_BYTES * u64::from(height), n_bytes: 16 };
-                let mut with_slice: Vec<NamedBinding<'_>> = vec![("slice", &slice)];
-                with_slice.extend_from_slice(bound);
-                dispatches.work.dispatch_indirect(kernel, &with_slice, groups, height)
-            }),
+        for is_large in [false, true] {
+            let walk = dispatches.gpu.uniform("walk", &Walk { is_large: is_large.into() })?;
+            let mut with_walk: Vec<NamedBinding<'_>> =
+                vec![("slice", &self.slice), ("walk", &walk), ("schedule", &self.schedule), ("order", &self.order)];
+            with_walk.extend_from_slice(bound);
+            match is_large {
+                false => dispatches.work.dispatch_indirect(kernel, &with_walk, &self.schedule, 0)?,
+                true if self.has_large => dispatches.work.dispatch(kernel, &with_walk, [1, 1, 1])?,
+                true => {}
+            }
         }
-    }
-}
-
-impl Levels {
-    fn known(ends: &[u32]) -> Self {
-        // Empty slots have height 0. A height without nodes has no end.
-        let mut first = ends[0];
-        let mut levels = vec![];
-        for &end in ends[1..].iter().filter(|&&end| end > 0) {
-            levels.push([first, end]);
-            first = end;
-        }
-        Self::Known(levels)
-    }
-
-    fn there(build: &mut BuildEncoder<'_>, trees: &Trees, ends: &Buffer<u32>) -> Result<Self, GpuError> {
-        let gpu = build.gpu();
-        let slices = gpu.uniforms::<[u32; 64]>("slices of levels", HEIGHTS)?;
-        let groups = gpu.indirect::<[u32; 3]>("work-groups of levels", HEIGHTS)?;
-        let bound: [NamedBinding<'_>; 3] = [("ends", ends), ("slices", &slices), ("groups", &groups)];
-        build.stage("levels", |dispatches| {
-            let kernel = gpu.kernel(wgsl::build::volumes::LEVEL_SLICES, &Variant::none())?;
-            dispatches.items(&kernel, &bound, count(HEIGHTS))
-        })?;
-        Ok(Self::There { slices, groups, n_heights: trees.max_height.min(count(HEIGHTS) - 1) })
+        Ok(())
     }
 }
 

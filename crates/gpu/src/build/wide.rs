@@ -11,10 +11,11 @@
 //! collapse does not move other trees.
 
 use bytemuck::{Pod, Zeroable};
-use canted_shaders::{Number, wgsl};
+use canted_shaders::{Number, choice, wgsl};
 
 use super::BuildEncoder;
 use super::built::Built;
+use super::encoder::{PassSize, Slice};
 use super::primitives::{Range, count};
 use super::sort::prefix_sums;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
@@ -47,8 +48,6 @@ pub struct WideLevel {
     pub roots: Vec<u32>,
     /// First quad of the level in [`WideBvhs::nodes`], from which words count.
     pub first_quad: u32,
-    /// Greatest number of nodes from a root to a leaf; 0 without nodes.
-    pub depth: u32,
 }
 
 /// Which binary nodes are wide ones, for each level: what it takes to write nodes again after the binary trees have changed.
@@ -76,17 +75,12 @@ pub(crate) enum Change {
 
 impl WideBvhs {
     /// Collapses the trees over triangles in `bottom`, and the tree over boxes of instances in `top`. Nodes over triangles are
-    /// aligned, or oriented where `bottom` has oriented boxes; those over instances are aligned. Between dispatches only the
-    /// number of nodes of each level is read back, to know the depth.
+    /// aligned, or oriented where `bottom` has oriented boxes; those over instances are aligned. Nothing is read back.
     ///
     /// # Errors
-    /// A recorded run, trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
-    pub async fn new(build: &mut BuildEncoder<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
+    /// Trees over boxes as `bottom`, more than 2^26 triangles, a limit of the device, or device lost.
+    pub fn new(build: &mut BuildEncoder<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = build.gpu();
-        if build.is_recorded() {
-            let what = "a recorded collapse into wide BVHs whose depth is read back".to_owned();
-            return Err(GpuError::Unsupported { what });
-        }
         if bottom.primitives.corners().is_none() {
             return Err(GpuError::Input { message: "the first level is not over triangles".to_owned() });
         }
@@ -108,17 +102,34 @@ impl WideBvhs {
         let mut levels = vec![];
         for (number, (built, capacity, first_unit)) in parts.into_iter().enumerate() {
             let roots = capacity.roots(built.primitives.ranges());
-            let level = CollapsedLevel::new(gpu, built, capacity, first_unit)?;
-            let depth = level.count_and_find(build, built).await?;
-            levels.push(WideLevel { roots, first_quad: UNIT_QUADS * first_unit, depth });
+            let mut level = CollapsedLevel::new(gpu, built, capacity, first_unit)?;
+            level.find(build, built, all(built))?;
+            levels.push(WideLevel { roots, first_quad: UNIT_QUADS * first_unit });
             collapse.levels.push(level);
-            collapse.put(build, built, number, (&nodes, &triangles), all(built))?;
+            collapse.put(build, built, number, (&nodes, &triangles), (all(built), Change::Trees))?;
         }
         Ok(Self { nodes, triangles, levels, is_oriented: bottom.obbs.is_some(), collapse })
+    }
+
+    /// Reads back the depth of each level when it was first collapsed: the greatest number of nodes from a root to a leaf; 0 without nodes.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub async fn depths(&self, gpu: &Gpu) -> Result<Vec<u32>, GpuError> {
+        self.collapse.depths(gpu).await
     }
 }
 
 impl Collapse {
+    /// As [`WideBvhs::depths`].
+    pub(crate) async fn depths(&self, gpu: &Gpu) -> Result<Vec<u32>, GpuError> {
+        let mut depths = vec![];
+        for level in &self.levels {
+            depths.push(level.depth(gpu).await?);
+        }
+        Ok(depths)
+    }
+
     /// Writes nodes and triangles of trees of a level again, after their binary trees have changed. Reads nothing back.
     pub(crate) fn put_again(
         &self,
@@ -131,7 +142,7 @@ impl Collapse {
         if change == Change::Trees {
             self.levels[level].find_again(build, built, trees)?;
         }
-        self.put(build, built, level, words, trees)
+        self.put(build, built, level, words, (trees, change))
     }
 
     /// Writes nodes and triangles.
@@ -141,9 +152,9 @@ impl Collapse {
         built: &Built,
         level: usize,
         (nodes, triangles): (&Buffer<[u32; 4]>, &Buffer<[u32; 4]>),
-        trees: [u32; 2],
+        (trees, change): ([u32; 2], Change),
     ) -> Result<(), GpuError> {
-        self.levels[level].put(build, built, nodes, trees)?;
+        self.levels[level].put(build, built, nodes, (trees, change))?;
         if built.primitives.corners().is_some() { put_triangles(build, built, triangles, trees) } else { Ok(()) }
     }
 }
@@ -167,30 +178,41 @@ fn put_triangles(
     })
 }
 
-/// Levels per read-back.
-const LEVELS_AT_ONCE: u32 = 8;
-
-/// Most levels that are counted; deeper trees are rejected.
-const MAX_LEVELS: u32 = 128;
-
 /// Children of a node.
 const WIDTH: u32 = 8;
 
-/// Most invocations per level. The first `N_NEAR` levels may contain most nodes of a tree; few trees have deeper levels.
-const NEAR_INVOCATIONS: u32 = 1 << 16;
-const FAR_INVOCATIONS: u32 = 1 << 12;
-const N_NEAR: u32 = 12;
+/// Invocations of a work-group that finds wide nodes, and of those of the last pass.
+const GROUP: u32 = 64;
+const LAST_GROUP: u32 = 256;
+
+/// Most wide nodes of a level with which a work-group goes on, except in the last pass: those of the first four levels.
+const MOST_OF_LEVEL: u32 = WIDTH.pow(SURE_LEVELS - 1);
+const SURE_LEVELS: u32 = 4;
 
 /// Most nodes of an invocation. Each takes about 44 turns of loops, and some drivers end loops of 65,535.
 const NODES_EACH: u32 = 1000;
 
-/// `Level` of `build/wide/levels`.
+/// Passes of trees of which a work-group could find all nodes, but should not: one from the roots, one from many nodes below, and one for
+/// what is left of trees that are not balanced.
+const FEW_PASSES: u32 = 3;
+
+/// Passes over trees of which none has more than `most` wide nodes, or `most_levels` levels. Few trees need the last ones, which then have
+/// no work-groups.
+fn n_passes(most: u32, most_levels: u32) -> u32 {
+    match most {
+        0 => 0,
+        _ if most <= LAST_GROUP => 1,
+        _ if most <= LAST_GROUP * NODES_EACH => FEW_PASSES,
+        // Each but the last finds `SURE_LEVELS` levels of what the one before left, and the last one no more than that.
+        _ => most_levels.div_ceil(SURE_LEVELS).max(FEW_PASSES),
+    }
+}
+
+/// `Limits` of `build/wide/levels`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct QueueLevel {
-    level: u32,
-    n_first: u32,
-    n_invocations: u32,
+struct Limits {
+    most: u32,
 }
 
 /// `Level` of `shared/build/wide_target`.
@@ -216,6 +238,8 @@ struct CollapsedLevel {
     children: Buffer<[u32; WIDTH as usize]>,
     /// Units of memory of the wide nodes before each slot. Kept, because several trees may be recorded into one encoder.
     prefixes: Buffer<u32>,
+    /// What the passes of the first search found, with the depth.
+    passes: Vec<Buffer<PassSize>>,
 }
 
 impl CollapsedLevel {
@@ -229,30 +253,19 @@ impl CollapsedLevel {
             slots: gpu.zeroed("slots of wide nodes", capacity.n_units() as usize)?,
             children: gpu.zeroed("children of wide nodes", capacity.n_units() as usize)?,
             prefixes: gpu.zeroed("wide nodes before each", n)?,
+            passes: vec![],
             first_unit,
             capacity,
         })
     }
 
-    /// Finds the wide nodes of all trees, and their depth, which is read back.
-    async fn count_and_find(&self, build: &mut BuildEncoder<'_>, built: &Built) -> Result<u32, GpuError> {
-        let trees = all(built);
-        let mut search = Search::new(self, build.gpu(), built, trees)?;
-        let mut depth = (search.n_first == 0).then_some(0);
-        while depth.is_none() {
-            if search.level >= MAX_LEVELS {
-                let what = format!("a BVH of more than {MAX_LEVELS} levels");
-                return Err(GpuError::Unsupported { what });
-            }
-            search.levels(build, LEVELS_AT_ONCE)?;
-            depth = search.depth(build.gpu()).await?;
-        }
-        self.place(build, built, trees)?;
-        Ok(depth.unwrap_or(0))
+    /// Finds the wide nodes of trees.
+    fn find(&mut self, build: &mut BuildEncoder<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
+        self.passes = self.search(build, built, trees)?;
+        self.place(build, built, trees)
     }
 
-    /// Finds the wide nodes of trees that have changed. The number of levels is not read back: there are as many as the binary trees
-    /// may have.
+    /// Finds the wide nodes of trees that have changed.
     fn find_again(&self, build: &mut BuildEncoder<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
         let [first, end] = built.primitives.of_trees(trees);
         let units = self.capacity.units(trees);
@@ -261,17 +274,78 @@ impl CollapsedLevel {
             dispatches.work.clear_range(&self.slots, units[0], units[1] - units[0]);
             Ok(())
         })?;
-        let mut search = Search::new(self, build.gpu(), built, trees)?;
-        if search.n_first > 0 {
-            // No tree has more levels than leaves.
-            let ranges = &built.primitives.ranges()[trees[0] as usize..trees[1] as usize];
-            let most = ranges.iter().map(|range| range.count).max().unwrap_or(0);
-            search.levels(build, built.trees.max_height.min(most).min(MAX_LEVELS))?;
-        }
+        self.search(build, built, trees)?;
         self.place(build, built, trees)
     }
 
-    /// Gives the wide nodes of trees their kinds, places in memory and children.
+    /// Finds the wide nodes of trees, in passes whose sizes the device knows. Returns what each pass leaves to the next.
+    fn search(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        built: &Built,
+        [first, end]: [u32; 2],
+    ) -> Result<Vec<Buffer<PassSize>>, GpuError> {
+        let gpu = build.gpu();
+        let ranges = &built.primitives.ranges()[first as usize..end as usize];
+        let with_nodes = ranges.iter().filter(|range| range.count > self.capacity.max_leaf);
+        let roots: Vec<[u32; 2]> = with_nodes.map(|range| [range.first, 0]).collect();
+        let most_of_tree = ranges.iter().map(|&range| self.capacity.most(&[range])).max().unwrap_or(0);
+        // No tree has more levels than leaves.
+        let most_leaves = ranges.iter().map(|range| range.count).max().unwrap_or(0);
+        let n_passes = n_passes(most_of_tree, built.trees.max_height.min(most_leaves));
+        let n_queued = if n_passes > 1 { self.capacity.most(ranges) as usize } else { 0 };
+        let queue = || gpu.zeroed::<[u32; 2]>("wide nodes of a pass", n_queued);
+        let (n_roots, mut queue_in, mut queue_out) = (count(roots.len()), gpu.buffer("roots", &roots)?, queue()?);
+        let found = gpu.zeroed::<u32>("wide nodes of subtrees", built.primitives.len() as usize)?;
+        let all = gpu.uniform("slice", &Slice::ALL)?;
+        let mut passes: Vec<Buffer<PassSize>> = vec![PassSize::buffer(gpu, n_roots)?];
+        build.stage("collapse", |dispatches| {
+            for pass in 0..n_passes {
+                let is_last = pass + 1 == n_passes;
+                let (most, group) = if is_last { (u32::MAX, LAST_GROUP) } else { (MOST_OF_LEVEL, GROUP) };
+                let limits = gpu.uniform("limits of a pass", &Limits { most })?;
+                let (pass_in, pass_out) = (&passes[passes.len() - 1], PassSize::buffer(gpu, 0)?);
+                let bound: [NamedBinding<'_>; 10] = [
+                    ("slice", &all),
+                    ("nodes", &built.trees.nodes),
+                    ("aabbs", &built.aabbs),
+                    ("wide_limits", &limits),
+                    ("queue_in", &queue_in),
+                    ("queue_out", &queue_out),
+                    ("pass_in", pass_in),
+                    ("pass_out", &pass_out),
+                    ("units", &self.units),
+                    ("found", &found),
+                ];
+                let chosen =
+                    Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf).number(Number::Group, group);
+                let kernel = gpu.kernel(wgsl::build::wide::LEVELS, &chosen)?;
+                if pass == 0 {
+                    dispatches.tiles(&kernel, &bound[1..], [0, n_roots])?;
+                } else {
+                    dispatches.work.dispatch_indirect(&kernel, &bound, pass_in, 0)?;
+                }
+                passes.push(pass_out);
+                if pass == 0 && !is_last {
+                    queue_in = queue()?;
+                }
+                std::mem::swap(&mut queue_in, &mut queue_out);
+            }
+            Ok(())
+        })?;
+        Ok(passes)
+    }
+
+    /// Reads back the depth of the trees when they were first collapsed.
+    async fn depth(&self, gpu: &Gpu) -> Result<u32, GpuError> {
+        let mut depth = 0;
+        for pass in &self.passes {
+            depth = depth.max(gpu.read(pass).await?[0].depth);
+        }
+        Ok(depth)
+    }
+
+    /// Gives the wide nodes of trees their kinds and places in memory.
     fn place(&self, build: &mut BuildEncoder<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
         let gpu = build.gpu();
         let range = built.primitives.of_trees(trees);
@@ -284,7 +358,6 @@ impl CollapsedLevel {
             ("nodes", &built.trees.nodes),
             ("aabbs", &built.aabbs),
             ("leaves", &built.leaves),
-            ("wide_children", &self.children),
         ]);
         build.stage("collapse", |dispatches| {
             let chosen = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
@@ -293,19 +366,17 @@ impl CollapsedLevel {
                 dispatches.range(&*gpu.kernel(wgsl::build::wide::KINDS, &chosen)?, &bound, range)?;
             }
             prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
-            dispatches.range(&*gpu.kernel(wgsl::build::wide::SLOTS, &chosen)?, &bound, range)?;
-            let chosen = built.primitives.part().number(Number::MaxLeaf, self.capacity.max_leaf);
-            dispatches.range(&*gpu.kernel(wgsl::build::wide::CHILDREN, &chosen)?, &bound, self.capacity.units(trees))
+            dispatches.range(&*gpu.kernel(wgsl::build::wide::SLOTS, &chosen)?, &bound, range)
         })
     }
 
-    /// Writes the nodes of trees.
+    /// Writes the nodes of trees, whose children are found anew if the trees changed.
     fn put(
         &self,
         build: &mut BuildEncoder<'_>,
         built: &Built,
         nodes: &Buffer<[u32; 4]>,
-        trees: [u32; 2],
+        (trees, change): ([u32; 2], Change),
     ) -> Result<(), GpuError> {
         const { assert!(UNIT_QUADS == 16, "the kernels write units of 64 words") };
         let gpu = build.gpu();
@@ -324,85 +395,18 @@ impl CollapsedLevel {
         ]);
         let units = self.capacity.units(trees);
         build.stage("wide nodes", |dispatches| {
-            let max_leaf = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
-            let chosen = built.primitives.part().number(Number::MaxLeaf, self.capacity.max_leaf);
+            let max_leaf = |chosen: Variant| chosen.number(Number::MaxLeaf, self.capacity.max_leaf);
+            let children = match change {
+                Change::Boxes => choice::Children::Kept,
+                Change::Trees => choice::Children::Found,
+            };
+            let chosen = max_leaf(built.primitives.part().with(children));
             dispatches.range(&*gpu.kernel(wgsl::build::wide::NODES, &chosen)?, &bound, units)?;
             let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) else { return Ok(()) };
             bound.push(("obbs", obbs));
-            dispatches.range(&*gpu.kernel(wgsl::build::wide::ORIENTED, &max_leaf)?, &bound, units)
+            let chosen = max_leaf(Variant::none().with(choice::Children::Kept));
+            dispatches.range(&*gpu.kernel(wgsl::build::wide::ORIENTED, &chosen)?, &bound, units)
         })
-    }
-}
-
-/// The search for the wide nodes of trees, level by level from their roots.
-struct Search<'a> {
-    target: &'a CollapsedLevel,
-    built: &'a Built,
-    level: u32,
-    n_first: u32,
-    first: Buffer<u32>,
-    queues: [Buffer<u32>; 2],
-    /// Wide nodes of each level.
-    counts: Buffer<u32>,
-    /// Most wide nodes of this level, and of any.
-    n_of_level: u32,
-    most: u32,
-}
-
-impl<'a> Search<'a> {
-    fn new(target: &'a CollapsedLevel, gpu: &Gpu, built: &'a Built, [first, end]: [u32; 2]) -> Result<Self, GpuError> {
-        let ranges = &built.primitives.ranges()[first as usize..end as usize];
-        let most = target.capacity.most(ranges);
-        let with_nodes = ranges.iter().filter(|range| range.count > target.capacity.max_leaf);
-        let roots: Vec<u32> = with_nodes.map(|range| range.first).collect();
-        let queue = || gpu.zeroed("wide nodes of a level", most as usize);
-        Ok(Self {
-            target,
-            built,
-            level: 0,
-            n_first: count(roots.len()),
-            first: gpu.buffer("roots", &roots)?,
-            queues: [queue()?, queue()?],
-            counts: gpu.zeroed("wide nodes of levels", MAX_LEVELS as usize + 1)?,
-            n_of_level: count(roots.len()),
-            most,
-        })
-    }
-
-    /// Searches so many levels.
-    fn levels(&mut self, build: &mut BuildEncoder<'_>, n_levels: u32) -> Result<(), GpuError> {
-        let gpu = build.gpu();
-        let chosen = Variant::none().number(Number::MaxLeaf, self.target.capacity.max_leaf);
-        let kernel = gpu.kernel(wgsl::build::wide::LEVELS, &chosen)?;
-        build.stage("collapse", |dispatches| {
-            for _ in 0..n_levels {
-                let level = self.level;
-                let most = if level < N_NEAR { NEAR_INVOCATIONS } else { FAR_INVOCATIONS };
-                let n_invocations = self.n_of_level.min(most.max(self.n_of_level.div_ceil(NODES_EACH)));
-                let uniform = gpu.uniform("level", &QueueLevel { level, n_first: self.n_first, n_invocations })?;
-                let [even, odd] = &self.queues;
-                let (queue_in, queue_out) = if level.is_multiple_of(2) { (even, odd) } else { (odd, even) };
-                let bound: [NamedBinding<'_>; 7] = [
-                    ("nodes", &self.built.trees.nodes),
-                    ("aabbs", &self.built.aabbs),
-                    ("wide_level", &uniform),
-                    ("queue_in", if level == 0 { &self.first } else { queue_in }),
-                    ("queue_out", queue_out),
-                    ("counts", &self.counts),
-                    ("units", &self.target.units),
-                ];
-                dispatches.items(&kernel, &bound, n_invocations)?;
-                self.n_of_level = self.n_of_level.saturating_mul(WIDTH).min(self.most);
-                self.level += 1;
-            }
-            Ok(())
-        })
-    }
-
-    /// The number of levels; `None` if there may be more than were searched.
-    async fn depth(&self, gpu: &Gpu) -> Result<Option<u32>, GpuError> {
-        let counts = gpu.read_first(&self.counts, self.level as usize + 1).await?;
-        Ok(counts[1..].iter().position(|&n| n == 0).map(|last| count(last) + 1))
     }
 }
 

@@ -14,7 +14,9 @@ use super::layout::{BvhHeader, CENTER_REACH, HIT_ERROR};
 use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
 use super::tables::Level;
-use crate::build::{BuildEncoder, Built, Change, Faults, MeshBuffers, Primitives, Scales, Which, fault, refit_aabbs};
+use crate::build::{
+    BuildEncoder, Built, Change, Faults, MeshBoxes, MeshBuffers, Primitives, Scales, Which, fault, refit_aabbs,
+};
 use crate::{Gpu, GpuError, NamedBinding};
 
 /// How a [`BufferScene`] or an [`InstancedScene`](crate::InstancedScene) is built. A [`DeviceBvh`], a [`BuildConfig`](crate::build::BuildConfig) and a
@@ -82,6 +84,8 @@ impl<T: Into<DeviceBvh>> From<T> for BufferConfig<'_> {
 pub struct BufferScene {
     traced: TracedScene,
     built: Built,
+    /// The box of the tree, which only instances need.
+    boxes: MeshBoxes,
     faults: Faults,
     /// Triangles of each mesh.
     n_triangles: Vec<u32>,
@@ -118,12 +122,13 @@ impl BufferScene {
         let primitives = Primitives::of_buffers(&build, meshes)?;
         primitives.gather(&mut build, meshes, &faults)?;
         let bvh = bvh.shallow(primitives.len(), 0);
-        let built = bvh.build(&mut build, primitives).await?;
-        let new = NewNodes::new(&mut build, bvh, &built, None).await?;
-        let depth = new.depth_bound(bvh, &built, None);
+        let built = bvh.build(&mut build, primitives)?;
+        let new = NewNodes::new(&mut build, bvh, &built, None)?;
+        let depth = new.depth_bound(gpu, bvh, &built, None).await?;
         let traced = TracedScene::over(gpu, new.nodes, &new.headers, &Level::flat(&firsts), depth).await?;
         let n_triangles = meshes.iter().map(|mesh| mesh.n_triangles).collect();
-        let scene = Self { traced, built, faults, n_triangles, bvh };
+        let boxes = gpu.zeroed("box of the tree", 1)?;
+        let scene = Self { traced, built, boxes, faults, n_triangles, bvh };
         scene.put_header(&mut build)?;
         if is_checked {
             scene.check(gpu).await?;
@@ -194,7 +199,7 @@ impl BufferScene {
     }
 
     fn put_header(&self, build: &mut BuildEncoder<'_>) -> Result<(), GpuError> {
-        put_headers(build, &self.built, &self.traced, 0, [0, 1])
+        put_headers(build, &self.built, &self.traced, (0, &self.boxes), [0, 1])
     }
 }
 
@@ -233,19 +238,21 @@ pub(super) fn scales(is_oriented: bool) -> Scales {
     Scales { reach: if is_oriented { CENTER_REACH } else { 1.0 }, error: HIT_ERROR }
 }
 
-/// Writes the bounds of a range of trees into the headers of a scene, in which the level's first tree has header `first_header`.
+/// Writes the bounds of a range of trees into the headers of a scene, in which the level's first tree has header `first_header`, and their
+/// boxes.
 pub(super) fn put_headers(
     build: &mut BuildEncoder<'_>,
     built: &Built,
     scene: &TracedScene,
-    first_header: u32,
+    (first_header, boxes): (u32, &MeshBoxes),
     trees: [u32; 2],
 ) -> Result<(), GpuError> {
     let gpu = build.gpu();
     let Scales { reach, error } = scales(built.obbs.is_some());
     let scale = gpu.uniform("scale of headers", &HeaderScale { reach, error, first_header })?;
     let headers = scene.tables().headers();
-    let more: [NamedBinding<'_>; 3] = [("aabbs", &built.aabbs), ("headers", headers), ("header_scale", &scale)];
+    let more: [NamedBinding<'_>; 4] =
+        [("aabbs", &built.aabbs), ("headers", headers), ("header_scale", &scale), ("mesh_boxes", boxes)];
     let bound = built.primitives.bound(&more);
     build.stage("headers", |dispatches| {
         let kernel = gpu.kernel(wgsl::build::scene::HEADERS, &built.primitives.part())?;

@@ -81,10 +81,10 @@ impl InstancedScene {
         primitives.gather(&mut build, meshes, &faults)?;
         let most = meshes.iter().map(|mesh| mesh.n_triangles).max().unwrap_or(0);
         let bvh = bvh.shallow(most, instances.n_instances);
-        let bottom = bvh.build(&mut build, primitives).await?;
-        let top = bvh.build_top(&mut build, instances.n_instances).await?;
-        let new = NewNodes::new(&mut build, bvh, &bottom, Some(&top)).await?;
-        let depth = new.depth_bound(bvh, &bottom, Some(&top));
+        let bottom = bvh.build(&mut build, primitives)?;
+        let top = bvh.build_top(&mut build, instances.n_instances)?;
+        let new = NewNodes::new(&mut build, bvh, &bottom, Some(&top))?;
+        let depth = new.depth_bound(gpu, bvh, &bottom, Some(&top)).await?;
         let NewNodes { nodes, mut headers, .. } = new;
         // For instances that are not placed.
         headers.push(BvhHeader::binary(EMPTY, 0));
@@ -249,8 +249,7 @@ impl InstancedScene {
 
     /// Writes the headers and boxes of meshes.
     fn put_roots(&self, build: &mut BuildEncoder<'_>, meshes: [u32; 2]) -> Result<(), GpuError> {
-        put_headers(build, &self.bottom, &self.traced, 1, meshes)?;
-        self.bottom.put_boxes(build, &self.boxes, meshes)
+        put_headers(build, &self.bottom, &self.traced, (1, &self.boxes), meshes)
     }
 
     /// Places instances and builds the top level.

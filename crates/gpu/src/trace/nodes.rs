@@ -106,18 +106,18 @@ impl DeviceBvh {
     }
 
     /// Builds the binary trees of the bottom level.
-    pub(super) async fn build(self, build: &mut BuildEncoder<'_>, primitives: Primitives) -> Result<Built, GpuError> {
+    pub(super) fn build(self, build: &mut BuildEncoder<'_>, primitives: Primitives) -> Result<Built, GpuError> {
         let config = match self {
             Self::Binary(config) => config.into(),
             Self::Wide(config) => config,
         };
-        Built::new(build, primitives, config).await
+        Built::new(build, primitives, config)
     }
 
     /// Builds the tree of the top level over boxes that are not placed yet.
-    pub(super) async fn build_top(self, build: &mut BuildEncoder<'_>, n_instances: u32) -> Result<Built, GpuError> {
+    pub(super) fn build_top(self, build: &mut BuildEncoder<'_>, n_instances: u32) -> Result<Built, GpuError> {
         let unplaced = Primitives::unplaced(build.gpu(), n_instances)?;
-        Built::new(build, unplaced, self.top()).await
+        Built::new(build, unplaced, self.top())
     }
 
     /// How the trees of the bottom level are built.
@@ -143,13 +143,11 @@ pub(super) struct NewNodes {
     pub(super) nodes: Nodes,
     /// That of the top level, if there is one, and of each tree over triangles.
     pub(super) headers: Vec<BvhHeader>,
-    /// Depth of the bottom and of the top level of wide BVHs.
-    depths: [u32; 2],
 }
 
 impl NewNodes {
     /// Nodes over the trees in `bottom`, and over the tree in `top`.
-    pub(super) async fn new(
+    pub(super) fn new(
         build: &mut BuildEncoder<'_>,
         bvh: DeviceBvh,
         bottom: &Built,
@@ -160,37 +158,53 @@ impl NewNodes {
             let of_top = top.map(|top| binary_header(top.primitives.ranges()[0], bottom.primitives.len()));
             let of_bottom = bottom.primitives.ranges().iter().map(|&range| binary_header(range, 0));
             let headers = of_top.into_iter().chain(of_bottom).collect();
-            return Ok(Self { nodes: Nodes::Binary(pairs), headers, depths: [0; 2] });
+            return Ok(Self { nodes: Nodes::Binary(pairs), headers });
         }
-        let bvhs = WideBvhs::new(build, bottom, top).await?;
+        let bvhs = WideBvhs::new(build, bottom, top)?;
         let of_level = |level: &WideLevel| {
             let first_quad = level.first_quad;
             level.roots.clone().into_iter().map(move |root| BvhHeader::wide(root, first_quad))
         };
         // The top level is the last one, and its header the first.
         let headers = bvhs.levels.iter().rev().flat_map(of_level).collect();
-        let depths = [bvhs.levels[0].depth, bvhs.levels.get(1).map_or(0, |level| level.depth)];
-        Ok(Self { nodes: Nodes::Wide(WideNodes::built(bvhs)), headers, depths })
+        Ok(Self { nodes: Nodes::Wide(WideNodes::built(bvhs)), headers })
     }
 
-    /// Depth of these BVHs.
+    /// Depth of these BVHs, which is read back.
+    ///
+    /// # Errors
+    /// As for [`Built::depth`].
     pub(super) async fn depth(&self, gpu: &Gpu, bottom: &Built, top: Option<&Built>) -> Result<u32, GpuError> {
-        if let Nodes::Wide(_) = self.nodes {
-            return Ok(self.depths.iter().sum());
+        if let Nodes::Wide(WideNodes { collapse: Some(collapse), .. }) = &self.nodes {
+            bottom.check_depth(gpu).await?;
+            return Ok(collapse.depths(gpu).await?.iter().sum());
         }
-        let of_bottom = gpu.read(&bottom.trees.depth).await?[0];
+        let of_bottom = bottom.depth(gpu).await?;
         let Some(top) = top else { return Ok(of_bottom) };
-        Ok(of_bottom + gpu.read(&top.trees.depth).await?[0])
+        Ok(of_bottom + top.depth(gpu).await?)
     }
 
-    /// Greatest depth of these BVHs and of any that the device builds in their place.
-    pub(super) fn depth_bound(&self, bvh: DeviceBvh, bottom: &Built, top: Option<&Built>) -> u32 {
+    /// Greatest depth of these BVHs and of any that the device builds in their place. Read back is only that of clustered trees.
+    ///
+    /// # Errors
+    /// As for [`Built::depth`].
+    pub(super) async fn depth_bound(
+        &self,
+        gpu: &Gpu,
+        bvh: DeviceBvh,
+        bottom: &Built,
+        top: Option<&Built>,
+    ) -> Result<u32, GpuError> {
         let most = bottom.primitives.ranges().iter().map(|range| range.count).max().unwrap_or(0);
         let n_top = top.map_or(0, |top| top.primitives.len());
-        match self.nodes {
-            Nodes::Binary(_) => bvh.depth(most, n_top),
+        let of_any = bvh.depth(most, n_top);
+        match &self.nodes {
             // A clustered tree may be deeper than a radix tree.
-            Nodes::Wide(_) => bvh.depth(most, n_top).max(self.depths[0] + depth_bound(n_top, TOP_BITS)),
+            Nodes::Wide(WideNodes { collapse: Some(collapse), .. }) if bottom.trees.is_clustered => {
+                bottom.check_depth(gpu).await?;
+                Ok(of_any.max(collapse.depths(gpu).await?[0] + depth_bound(n_top, TOP_BITS)))
+            }
+            _ => Ok(of_any),
         }
     }
 }

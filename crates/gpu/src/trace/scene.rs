@@ -136,7 +136,7 @@ impl TracedScene {
         }
         let mut build = BuildEncoder::new(gpu);
         let primitives = Primitives::triangles(gpu, meshes.iter().copied())?;
-        let bottom = bvh.build(&mut build, primitives).await?;
+        let bottom = bvh.build(&mut build, primitives)?;
         let of_root = |aabb: Aabb| MeshBounds {
             reach: if aabb.is_empty() { 0.0 } else { aabb.reach() },
             aabb,
@@ -152,12 +152,12 @@ impl TracedScene {
                 let packing = Packing::of(&bounds, instances)?;
                 let boxes = placed_boxes(&packing, &bottom.roots(gpu).await?, instances);
                 let config = BuildConfig { bits: bvh.bottom().bits, ..bvh.top() };
-                let top = Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config).await?;
+                let top = Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config)?;
                 (Level::One, Some((top, packing)))
             }
         };
         let tree = top.as_ref().map(|(top, _)| top);
-        let new = NewNodes::new(&mut build, bvh, &bottom, tree).await?;
+        let new = NewNodes::new(&mut build, bvh, &bottom, tree)?;
         let depth = new.depth(gpu, &bottom, tree).await?;
         let NewNodes { nodes, headers, .. } = new;
         let of_mesh =

@@ -100,38 +100,54 @@ pub(crate) fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit
     )
 }
 
-/// Rebuilds and refits of binary BVHs over 63-bit codes take few dispatches: for one tile of keys, for tiles that sum each other's counts, and for more.
+/// Vertices of `n` triangles that fill a cube.
+pub(crate) fn soup(device: &wgpu::Device, n: u32) -> wgpu::Buffer {
+    let corner = |i: u32| [1, 7, 49].map(|k| ((i * k).wrapping_mul(2_654_435_761) >> 8) as f32);
+    let corners: Vec<[f32; 3]> = (0..3 * n).map(corner).collect();
+    buffer(device, bytemuck::cast_slice(&corners))
+}
+
+/// The mesh of these triangles.
+pub(crate) fn soup_mesh(soup: &wgpu::Buffer, n_triangles: u32) -> MeshBuffers<'_> {
+    MeshBuffers { vertices: soup, first_byte: 0, stride: 12, n_vertices: 3 * n_triangles, indices: None, n_triangles }
+}
+
+/// Dispatches and downloaded bytes of a rebuild and of a refit of such triangles.
+fn updates_of(gpu: &Gpu, device: &wgpu::Device, n: u32, bvh: DeviceBvh) -> [(u64, u64); 2] {
+    let soup = soup(device, n);
+    let mesh = soup_mesh(&soup, n);
+    let mut scene = block_on(BufferScene::new(gpu, &[mesh], bvh)).unwrap();
+    [true, false].map(|is_rebuild| {
+        let before = gpu.traffic();
+        let mut encoder = gpu.encoder();
+        match is_rebuild {
+            true => scene.rebuild(gpu, &mut encoder, &[mesh]).unwrap(),
+            false => scene.refit(gpu, &mut encoder, &[mesh]).unwrap(),
+        }
+        gpu.submit(encoder).unwrap();
+        let traffic = gpu.traffic() - before;
+        (traffic.n_dispatches, traffic.downloaded_bytes)
+    })
+}
+
+/// Rebuilds and refits over 63-bit codes take few dispatches and download nothing: for one tile of keys, for tiles that sum the counts of
+/// all others, and for more.
 fn rebuilds_take_few_dispatches() {
     let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
-    for (n, most) in [(1000, [13, 4]), (60_000, [27, 4]), (70_000, [35, 4])] {
-        let corner = |i: u32| [1, 7, 49].map(|k| ((i * k).wrapping_mul(2_654_435_761) >> 8) as f32);
-        let soup: Vec<[f32; 3]> = (0..3 * n).map(corner).collect();
-        let soup = buffer(&device, bytemuck::cast_slice(&soup));
-        let mesh = MeshBuffers {
-            vertices: &soup,
-            first_byte: 0,
-            stride: 12,
-            n_vertices: 3 * n,
-            indices: None,
-            n_triangles: n,
-        };
-        let mut scene =
-            block_on(BufferScene::new(&gpu, &[mesh], BuildConfig { bits: Bits::B63, ..BuildConfig::default() }))
-                .unwrap();
-        let mut n_dispatches = |is_rebuild: bool| {
-            let before = gpu.traffic();
-            let mut encoder = gpu.encoder();
-            let scene = &mut scene;
-            match is_rebuild {
-                true => scene.rebuild(&gpu, &mut encoder, &[mesh]).unwrap(),
-                false => scene.refit(&gpu, &mut encoder, &[mesh]).unwrap(),
+    for n in [1000, 60_000, 70_000] {
+        let few = n == 1000;
+        for (strategy, of_binary, of_wide) in [
+            (Strategy::Aabb, [if few { 10 } else { 16 }, 4], [if few { 14 } else { 23 }, 5]),
+            (Strategy::Combined, [if few { 13 } else { 19 }, 7], [if few { 19 } else { 28 }, 9]),
+        ] {
+            let config = BuildConfig { bits: Bits::B63, strategy };
+            for (bvh, most) in [(DeviceBvh::from(config), of_binary), (WideConfig::from(config).into(), of_wide)] {
+                let found = updates_of(&gpu, &device, n, bvh);
+                assert!(found[0].0 <= most[0] && found[1].0 <= most[1], "{n} triangles, {bvh:?}: {found:?}");
+                assert_eq!(found.map(|(_, downloaded)| downloaded), [0; 2], "{n} triangles, {bvh:?}");
             }
-            gpu.submit(encoder).unwrap();
-            (gpu.traffic() - before).n_dispatches
-        };
-        let found = [n_dispatches(true), n_dispatches(false)];
-        assert!(found[0] <= most[0] && found[1] <= most[1], "{n} triangles: {found:?}");
+        }
     }
 }
 

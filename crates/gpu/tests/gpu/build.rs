@@ -17,7 +17,7 @@ use crate::{
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(stages_that_fit_are_timed_when_others_do_not_fit),
-        needs_device(recorded_clusters_and_wide_nodes_are_rejected),
+        needs_device(recorded_builds_equal_builds_at_once),
         needs_device(oriented_nodes_do_not_depend_on_the_unit_of_length),
         needs_device(updates_of_what_stands_still_change_no_word),
         needs_device(a_dropped_rebuild_is_followed_by_a_good_one),
@@ -47,20 +47,38 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
     assert!(passes.error.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
 }
 
-/// Clustering and collapsing read the progress back, for which a recorded build cannot wait.
-fn recorded_clusters_and_wide_nodes_are_rejected() {
+/// No build reads anything back: what a program's encoder records is what is built at once.
+fn recorded_builds_equal_builds_at_once() {
     let (device, queue) = opened();
-    let gpu = Gpu::from_wgpu(device.clone(), queue);
-    let corners: Vec<Corners> = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 9];
-    let primitives = || Primitives::triangles(&gpu, [&corners[..]]).unwrap();
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-    let mut build = BuildEncoder::recorded(&gpu, &mut encoder);
-    let built = |build: &mut BuildEncoder<'_>, topology| {
-        block_on(Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() }))
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let triangle = |i: u16| {
+        let [x, y, z] = [7, 11, 13].map(|k| f32::from(i.wrapping_mul(k * 4099) >> 6));
+        [[x, y, z], [x + 9.0, y, z + 1.0], [x, y + 9.0, z]]
     };
-    assert!(matches!(built(&mut build, Topology::Ploc), Err(GpuError::Unsupported { .. })));
-    let radix = built(&mut build, Topology::Radix).unwrap();
-    assert!(matches!(block_on(WideBvhs::new(&mut build, &radix, None)), Err(GpuError::Unsupported { .. })));
+    let corners: Vec<Corners> = (0..5000).map(triangle).collect();
+    for (topology, strategy) in [Topology::Radix, Topology::Ploc]
+        .into_iter()
+        .flat_map(|topology| STRATEGIES.map(|strategy| (topology, strategy)))
+    {
+        let words = |build: &mut BuildEncoder<'_>| {
+            let before = gpu.traffic();
+            let config = WideConfig { topology, strategy, ..WideConfig::default() };
+            let primitives = Primitives::triangles(&gpu, [&corners[..], &corners[..9]]).unwrap();
+            let built = Built::new(build, primitives, config).unwrap();
+            let wide = WideBvhs::new(build, &built, None).unwrap();
+            assert_eq!((gpu.traffic() - before).downloaded_bytes, 0, "{topology:?}, {strategy:?}");
+            (built, wide)
+        };
+        let read = |(built, wide): (Built, WideBvhs)| {
+            let [nodes, triangles] = [&wide.nodes, &wide.triangles].map(|words| block_on(gpu.read(words)).unwrap());
+            (nodes, triangles, wide.levels.clone(), block_on(wide.depths(&gpu)), block_on(built.depth(&gpu)))
+        };
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+        let recorded = words(&mut BuildEncoder::recorded(&gpu, &mut encoder));
+        queue.submit([encoder.finish()]);
+        let (recorded, at_once) = (read(recorded), read(words(&mut BuildEncoder::new(&gpu))));
+        assert!(recorded == at_once && recorded.4.is_ok(), "{topology:?}, {strategy:?}");
+    }
 }
 
 /// Numbers of aligned and oriented nodes below the root of one tree.
@@ -91,9 +109,8 @@ fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
         let corners: Vec<Corners> = (0..1000).map(scaled).collect();
         let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
-        let built =
-            block_on(Built::new(&mut build, Primitives::triangles(&gpu, [&corners[..]]).unwrap(), config)).unwrap();
-        kinds(&gpu, &block_on(WideBvhs::new(&mut build, &built, None)).unwrap())
+        let built = Built::new(&mut build, Primitives::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
+        kinds(&gpu, &WideBvhs::new(&mut build, &built, None).unwrap())
     };
     let expected = of_scale(0);
     assert!(expected[1] > 50, "{expected:?}");

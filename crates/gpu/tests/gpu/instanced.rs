@@ -1,6 +1,6 @@
 //! Instances of meshes in a program's own buffers.
 
-use crate::buffers::{N, buffer, opened, triangles, vertices};
+use crate::buffers::{N, buffer, opened, soup, soup_mesh, triangles, vertices};
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, Topology, WideConfig};
 use canted_gpu::{
@@ -16,6 +16,7 @@ pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(every_recorded_change_equals_a_fresh_build),
         needs_device(a_forgotten_update_is_seen),
+        needs_device(updates_of_two_levels_take_few_dispatches),
         needs_device(few_instances_and_empty_scenes_are_traced),
         needs_device(faults_of_meshes_and_layouts_of_instances_are_reported),
         needs_device(a_lost_device_of_the_program_is_reported),
@@ -128,6 +129,37 @@ fn expected(gpu: &Gpu, floor: &[[f32; 3]], placed: &[(u32, Affine)]) -> Vec<Opti
         ))
         .unwrap(),
     )
+}
+
+/// Updates of two meshes over 63-bit codes and of their instances take few dispatches and download nothing.
+fn updates_of_two_levels_take_few_dispatches() {
+    let (device, queue) = opened();
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let n = 100;
+    let program = Program::new((device.clone(), queue), &placed(n, 0.0));
+    let soup = soup(&device, 35_000);
+    let meshes = [soup_mesh(&soup, 35_000), soup_mesh(&soup, 34_000)];
+    let instances = program.instances(n);
+    for (strategy, of_binary, of_wide) in
+        [(Strategy::Aabb, [25, 12, 7], [35, 16, 10]), (Strategy::Combined, [30, 17, 9], [40, 20, 10])]
+    {
+        let config = BuildConfig { bits: Bits::B63, strategy };
+        for (bvh, most) in [(DeviceBvh::from(config), of_binary), (WideConfig::from(config).into(), of_wide)] {
+            let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &instances, bvh)).unwrap();
+            let found = [0, 1, 2].map(|update| {
+                let before = gpu.traffic();
+                program.submit(|encoder| match update {
+                    0 => scene.rebuild(&gpu, encoder, &meshes, &instances).unwrap(),
+                    1 => scene.refit(&gpu, encoder, &meshes, &instances).unwrap(),
+                    _ => scene.update_top(&gpu, encoder, &instances).unwrap(),
+                });
+                let traffic = gpu.traffic() - before;
+                assert_eq!(traffic.downloaded_bytes, 0, "{bvh:?}");
+                traffic.n_dispatches
+            });
+            assert!(found.iter().zip(most).all(|(&found, most)| found <= most), "{bvh:?}: {found:?}, not {most:?}");
+        }
+    }
 }
 
 fn every_recorded_change_equals_a_fresh_build() {

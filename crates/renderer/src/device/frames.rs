@@ -33,7 +33,8 @@ pub struct DeviceFrames {
     fallback_reason: Option<String>,
 }
 
-/// Most meshes that are updated one by one. Each takes a hundred dispatches or more, and with oriented boxes a refit of one mesh computes those
+/// Most meshes that are updated one by one. Each takes twenty dispatches or more, and with oriented boxes a refit of one mesh computes
+/// those
 /// of all; so beyond, all meshes are updated together.
 const MOST_ALONE: usize = 8;
 
