@@ -1,46 +1,65 @@
-// Bicubic Bézier patches, whose points may move while the shutter is open; twin of `bezier_patch` and `patch_part` in crates/trace/src and of `Moving` in crates/wide, in f32.
+// Bicubic Bézier patches, whose points may move while the shutter is open; twin of `bezier_patch` and `patch_part` in crates/trace/src
+// and of `Moving` in crates/wide, in f32.
 //
 // # Records
-// As those of other curves (shared/curve): the rows of a patch are its 16 control points, 48 numbers in twelve quads, and what moves has those at shutter closing after
-// them.
+// As those of other curves (shared/curve): the rows of a patch are its 16 control points, 48 numbers in twelve quads, and what moves has
+// those at shutter closing after them.
 //
 // # Frame and units
-// Control points are relative to the origin and sheared as vertices of triangles (shared/triangle), so that the line is an axis: two coordinates across it, in units of
-// the largest of them, a power of two, and the scaled `t`.
+// Control points are relative to the origin and sheared as vertices of triangles (shared/triangle), so that the line is an axis: two
+// coordinates across it, in units of the largest of them, a power of two, and the scaled `t`.
 //
 // # Parts
-// A patch is halved along the parameter with the longer steps between control points, u if they are equal, as on the CPU. Control values of a part are the polar form of
-// the whole: products of three matrices, so nothing is stored but the path to the part. Halving ends
+// A patch is halved along the parameter with the longer steps between control points, u if they are equal, as on the CPU. Control values
+// of a part are the polar form of the whole: products of three matrices, so nothing is stored but the path to the part. Halving ends
 //
 // * where all control points are beyond the line on one side: the part is missed;
-// * at *simple* parts. Let `U` and `V` be the mean steps across the line along both parameters. In coordinates (p, q) along `U` and `V`, times the area that they span,
-//   each step along u has `p > |q| + k_u`, and each along v `q > |p| + k_v`, with positive `k`. Between two points of the part the map F across the line changes by
-//   `3 (a s + b t)`, with means s and t of such steps and the differences a and b of the parameters, so with signs chosen by those of a and b
+// * at *simple* parts, see below;
+// * at parts of a few roundings, at parts within a strip of a few roundings as seen along the line, and at MAX_HALVINGS and MAX_DEPTH:
+//   those are undecided.
 //
-//       |F(x) - F(y)| >= 3 (k_u |a| + k_v |b|),     |(p, q)| = |p| + |q|.                                                                        (1)
+// Let `U` and `V` be the mean steps across the line along both parameters of a part, and (p, q) coordinates along `U` and `V`, times the
+// area that they span. A part is simple if each step along u has `p >= |q| + k_u`, and each along v `q >= |p| + k_v`, with positive `k`.
+// Between two points the map F of the part across the line changes by `3 (a s + b t)`, with means s and t of such steps and the
+// differences a and b of the parameters. By the signs of a and b, p + q or p - q of it is as large as
 //
-//   So F is one-to-one, and where `|F| = r` at a point, what the line meets is within `r / (3 k)` of it in each parameter. If that is in the part, the line passes through the part
-//   exactly once: its number of windings is that of `3 (k_u a, k_v b)`, into which F changes without a zero at the boundary. If p > |q| at a point with u = 0, then p > 0
-//   or p > -|q| or so in all of the part: the cone of steps along u and both cones along v do not sum to one that leads back. The line misses the part; so at the other edges, and if p + q > 0 at
-//   the corner (0, 0), and so on.
-//   Newton's steps from the middle find the point, which is kept in the part: a parameter at its end, which F leads beyond, is held there;
-// * at parts of a few roundings, at parts within a strip of a few roundings as seen along the line, and at MAX_LEVEL: those are undecided.
+//       |F(x) - F(y)| >= 3 (k_u |a| + k_v |b|),     |(p, q)| = |p| + |q|.     (1)
+//
+// So F is one-to-one, and where `|F| = r` at a point, the line meets the part within `r / (3 k)` of it in each parameter, if at all. If
+// all of that is inside the part, the line passes through the part exactly once: F has as many windings at the boundary as `3 (k_u a, k_v
+// b)`, into which it changes without a zero there, by (1).
+//
+// If p > |q| at a point y with u = 0, the line misses the part: what leads from F(y) to another point is a step along u and one forward or
+// backward along v, so p + q or p - q of it is not negative, and what leads to the line has both negative. The same holds for the other
+// edges, and if p + q > 0 at the corner (0, 0), where only the first is possible, and so on.
+//
+// Newton's steps from the middle find the point; a parameter at an end of the part beyond which F leads is held there.
 //
 // # Error
-// Let E = 2^-23, M the largest coordinate of a control point relative to the origin, D = drift.y M + drift.x (shared/level). Sheared coordinates of control points are within 12.5 E
-// M + D of those of the CPU's ray (shared/triangle), of which it has no rounding of its own: 5 E M are left, which cover that its hits are off the line by at most 1/4 E M
-// (`NEAR`, `POINT` and the smallest parts of the twin, of an extent of 4 M), in a frame with another axis three times that. What moves errs by 6 E of its largest coordinate at any time (shared/curve), 12 E after shear.
-// Coordinates across are below 2 in units. A matrix has rows of nonnegative weights with a sum of 1, each with four roundings; with the four of a product of vectors
-// that is 8 E, twice, of 2: below 36 E, LOCAL_ERROR. So control values of each part are within `g`, the sum of all these, of the CPU's.
-// A step errs by 2 g + 4 E, and p or q of it by that times the coordinates of `V` or `U`, and by three roundings of terms up to 4 times those: less than 3 g times. The same bounds F at parameters, which
-// is computed with an error below 30 E. `error` is the sum of both, and k and r include it.
-// Along the ray the CPU's hit errs by 5 E M: half a rounding of `t`, and four of hits at one `t`. `t` of a control point errs by 3.5 E M, that of a part by 16 E M and its value at
-// parameters by 12 E M: below 40 E M, ALONG_ERROR, plus D.
+// Let E = 2^-23, M the largest coordinate of a control point relative to the origin, D = drift.y M + drift.x (shared/level).
+//
+// *Control points.* Sheared ones are within 12.5 E M + D of those of the CPU's ray (shared/triangle), 5 E M of which are roundings that
+// the CPU does not have here. They cover that its hits are off the line by at most 1/4 E M (`NEAR`, `POINT` and the smallest parts of the
+// twin, for an extent of 4 M), in a frame with another axis three times that. What moves errs by 6 E of its largest coordinate at any time
+// (shared/curve), 12 E after shear.
+//
+// *Parts.* Coordinates across are below 2 in units. A matrix has rows of nonnegative weights with a sum of 1, each with four roundings;
+// with the four of a product of vectors that is 8 E, twice, of 2: below SHEET_LOCAL. So control values of each part are within `g`, the
+// sum of all these, of the CPU's.
+//
+// *Simple parts.* A step errs by 2 g + 4 E, and its p or q by that times the coordinates of `V` or `U`, and by three roundings of terms of
+// up to 4 times those: together by less than 3 g times those. F at parameters is computed with an error below 30 E, so the same bounds it.
+// `error` is the sum of both; `k` and `r` include it.
+//
+// *Along the ray* the CPU's hit errs by 5 E M: half a rounding of `t`, and four of hits at one `t`. `t` of a control point errs by 3.5 E
+// M, that of a part by 16 E M and its value at parameters by 12 E M: below ALONG_ERROR, plus D.
 //
 // # What is certain
-// The CPU counts hits by windings of parts, which sum to that of the whole, and finds them where the line meets the patch. So a part that is missed has none. A simple part which the line
-// passes through once has one, if no other cancels it: the CPU's parts that it does not solve, thinner than 2^-24 of the extent, count windings only. It halves as here, so its parts contain the simple one, which is
-// then not thin, or are in it. Only where both steps are equal but for `4 g` it may halve otherwise: then, if the line may meet other parts of the patch, the hit is in doubt.
+// The CPU counts hits by windings of parts, which sum to that of the whole, and reports them where the line meets the patch. So a part
+// that is missed has none. A simple part through which the line passes once has one, if no other cancels it: parts that the CPU does not
+// solve, thinner than 2^-24 of the extent, count windings only. It halves as here, so such a part is in the simple one, or contains it and
+// is not thin. Only where both steps are equal but for `4 g` it may halve otherwise: then, if the line may meet other parts of the patch,
+// the hit is in doubt.
 // use shared/bvh
 // use shared/triangle
 // use shared/triangle/records
@@ -319,7 +338,7 @@ fn longer(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
     return select(a, b, dot_across(b, b) > dot_across(a, a));
 }
 
-/// The first event of the ray from `start` on, and up to `limit`. `is_answer`: the answer of single precision, for which what is undecided is hit.
+/// The first event of the ray from `start` on, up to `limit`. `is_answer`: that of single precision, for which what is undecided is hit.
 fn event_of_sheet(sheet: Sheet, start: f32, limit: f32, is_answer: bool) -> SheetEvent {
     var event = SheetEvent(BEYOND_SHEETS, BEYOND_SHEETS, 0.0, vec2<f32>(0.0), BEYOND_SHEETS);
     let g = sheet.g;
