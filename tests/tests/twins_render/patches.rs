@@ -114,7 +114,9 @@ fn textures_and_holes_on_patches() {
 }
 
 fn detects(found: &scenes::Difference) {
-    assert!(found.of_means > 0.01 || found.drift.iter().any(|&drift| drift > 6.0), "{found:?}");
+    // The greatest share that the comparisons admit.
+    let is_astray = found.astray > 0.5;
+    assert!(is_astray || found.of_means > 0.01 || found.drift.iter().any(|&drift| drift > 6.0), "{found:?}");
 }
 
 fn patches_that_move() {
