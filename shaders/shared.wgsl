@@ -511,27 +511,27 @@ fn is_hidden(hit: Hit) -> bool {
 
 /// Whether light passes the face at a hit of the ray: it is hit from the front, and the eye is behind it.
 fn is_hidden(hit: Hit) -> bool {
-    let triangle = triangles[triangle_of(hit)];
-    let front = front_of(triangle, hit.instance);
-    return dot(front, facing_direction) < 0.0
-        && dot(front, towards_eye(point_world(hit.instance, position_of(triangle.vertices.x)))) < 0.0;
+    let face = face_at(hit);
+    return dot(face.normal, facing_direction) < 0.0 && dot(face.normal, towards_eye(point_world(hit.instance, face.position))) < 0.0;
 }
 
 fn is_passed(hit: Hit) -> bool {
     if facing_rays == SEEN {
-        return dot(front_of(triangles[triangle_of(hit)], hit.instance), facing_direction) > 0.0;
+        return dot(face_at(hit).normal, facing_direction) > 0.0;
     }
     return facing_rays == ARRIVING && is_hidden(hit);
 }
 
-/// Unit normal on the front of a triangle; zero where its material is not single-sided.
-fn front_of(triangle: Triangle, instance: u32) -> vec3<f32> {
+/// A point of the face at a hit, object space, and the unit normal on its front, world space; zero where its material is not single-sided.
+fn face_at(hit: Hit) -> SmoothSurface {
+    let triangle = triangles[triangle_of(hit)];
     if materials[triangle.material & 0x7fffffffu].single_sided == 0u {
-        return vec3(0.0);
+        return SmoothSurface(vec3(0.0), vec3(0.0));
     }
-    let winding = normal_world(instance, triangle.normal);
-    let is_mirrored = ((triangle.material >> 31u) == 1u) != mirrors(instance);
-    return select(winding, -winding, is_mirrored);
+    let face = object_face_at(hit, triangle);
+    let winding = normal_world(hit.instance, face.normal);
+    let is_mirrored = ((triangle.material >> 31u) == 1u) != mirrors(hit.instance);
+    return SmoothSurface(face.position, select(winding, -winding, is_mirrored));
 }
 
 // part mask_alpha

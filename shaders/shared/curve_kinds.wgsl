@@ -62,6 +62,7 @@ fn consider_curve(at: u32, kind: u32) {
 // part weighed
 // `t` and parameter of a hit that is certain.
 // use shared/curve
+// use shared/segment/weighed
 // use shared/undecided/found
 
 /// The hit of a curve in the current instance.
@@ -79,21 +80,24 @@ fn weighed_curve(index: u32, found: Found, kind: u32) -> Hit {
     return Hit(caller_t(curve.base_t + curve.step_t * z), event.u, select(0.0, event.v, is_ribbon), found.primitive, found.instance);
 }
 
+/// The hit of a curve of any kind.
+fn weighed_curve_or_segment(index: u32, found: Found, kind: u32) -> Hit {
+    if is_segment(kind) {
+        return weighed_segment(found, segment_of_kind(found.at, kind));
+    }
+    return weighed_curve(index, found, kind);
+}
+
 // choice weights/kinds
 // Scenes of triangles and of curves of every kind.
 // use shared/triangle/weighed
-// use shared/segment/weighed
 // use shared/curve_kinds/weighed
 
 fn completed(index: u32, found: Found) -> Hit {
     if !is_of_curves() {
         return weighed_triangle(index, found);
     }
-    let kind = leaf_triangles[found.at + 1u].w;
-    if is_segment(kind) {
-        return weighed_segment(found, segment_of_kind(found.at, kind));
-    }
-    return weighed_curve(index, found, kind);
+    return weighed_curve_or_segment(index, found, leaf_triangles[found.at + 1u].w);
 }
 
 // choice traverse/kinds
@@ -113,16 +117,24 @@ fn leaf(word: u32) {
 
 // choice decide/kinds
 // BVHs over triangles and over curves of every kind.
-// use shared/segment/certain
-// use shared/curve
+// use shared/curve_kinds/certain
 
 /// Tests the primitive at a quad, and keeps what is certain about its hit.
 fn decide(at: u32) {
-    if !is_of_curves() {
+    if is_of_curves() {
+        decide_curve_or_segment(at, leaf_triangles[at + 1u].w);
+    } else {
         decide_triangle(at, false);
-        return;
     }
-    let kind = leaf_triangles[at + 1u].w;
+}
+
+// part certain
+// What is certain about the hits of curves of every kind.
+// use shared/segment/certain
+// use shared/curve
+
+/// Keeps what is certain about the hit of the curve at a quad.
+fn decide_curve_or_segment(at: u32, kind: u32) {
     if is_segment(kind) {
         decide_segment(at, segment_of_kind(at, kind));
     } else {

@@ -155,6 +155,7 @@ fn mirror_outward(surface: Surface, direction: vec3<f32>) -> vec3<f32> {
 
 // choice shapes/triangles
 // Scenes of triangles.
+// use shared/surface/faces
 
 /// The surface at a hit of a ray with this cone at its origin.
 fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
@@ -162,6 +163,15 @@ fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
 }
 
 fn prepare_alpha(hit: Hit, triangle: Triangle) {}
+
+// part faces
+// Faces of triangles, which alone may be single-sided: curves have none.
+// use shared/surface/mesh
+
+/// A point of the plane of a triangle, and its normal.
+fn object_face_at(hit: Hit, triangle: Triangle) -> SmoothSurface {
+    return SmoothSurface(position_of(triangle.vertices.x), triangle.normal);
+}
 
 // part mesh
 // Triangles and vertices. Only the attributes that the scene has are stored, in columns of `STRIDE` words. `COLOR` and similar

@@ -7,6 +7,7 @@
 // choice shapes/curves
 // Scenes of triangles and of round segments.
 // use shared/surface
+// use shared/surface/faces
 // use shared/surface_curve/along
 
 /// The surface at a hit of a ray with this cone at its origin.

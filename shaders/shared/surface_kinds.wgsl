@@ -6,6 +6,23 @@
 
 // choice shapes/kinds
 // Scenes of triangles and of curves of every kind.
+// use shared/surface_kinds/curves
+// use shared/surface/faces
+
+/// The surface at a hit of a ray with this cone at its origin.
+fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
+    if curve_kind(hit.instance) != 0u {
+        return curve_surface(hit, ray, cone);
+    }
+    return triangle_surface(hit, ray.direction, cone);
+}
+
+fn prepare_alpha(hit: Hit, curve: Triangle) {
+    curve_uv = alpha_coordinates(hit, curve);
+}
+
+// part curves
+// Surfaces of curves of every kind.
 // use shared/surface
 // use shared/surface_curve/along
 // use shared/time/ray_time
@@ -19,14 +36,6 @@ const IS_MOVING: u32 = 4u;
 
 /// Makes a number of a vertex a finite f32 that is not subnormal.
 const INNER_BIT: u32 = 0x40000000u;
-
-/// The surface at a hit of a ray with this cone at its origin.
-fn surface_at(hit: Hit, ray: Ray, cone: Cone) -> Surface {
-    if curve_kind(hit.instance) != 0u {
-        return curve_surface(hit, ray, cone);
-    }
-    return triangle_surface(hit, ray.direction, cone);
-}
 
 /// Center and radius of a point of curves at the time of the ray.
 fn control_ball(vertex: u32, kind: u32) -> vec4<f32> {
@@ -138,8 +147,8 @@ fn curve_surface(hit: Hit, ray: Ray, cone: Cone) -> Surface {
     );
 }
 
-/// Prepares the coordinates of a hit whose alpha is looked up: tubes have it in the middle of `v`.
-fn prepare_alpha(hit: Hit, curve: Triangle) {
+/// The coordinates of a hit whose alpha is looked up: tubes have it in the middle of `v`.
+fn alpha_coordinates(hit: Hit, curve: Triangle) -> vec2<f32> {
     let is_ribbon = (curve_kind(hit.instance) & IS_RIBBON) != 0u;
-    curve_uv = vec2(curve.normal.z + hit.u * (curve.area_root - curve.normal.z), select(0.5, hit.v, is_ribbon));
+    return vec2(curve.normal.z + hit.u * (curve.area_root - curve.normal.z), select(0.5, hit.v, is_ribbon));
 }

@@ -86,9 +86,9 @@ mod tests {
         let all = variants(wgsl::trace::CLOSEST).unwrap();
         let count = |has: &dyn Fn(&Variant) -> bool| all.iter().filter(|chosen| has(chosen)).count();
         for level in [Level::Single, Level::Flat, Level::Instances, Level::Moving] {
-            // All rays and listed ones, with and without counts, and wide BVHs without curves, with segments, and with curves of every kind.
-            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Aligned)), 12, "{level:?}");
-            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Any)), 12, "{level:?}");
+            // All rays and listed ones, with and without counts, and wide BVHs without curves, with segments, with curves of every kind, and with patches.
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Aligned)), 16, "{level:?}");
+            assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(NodeKinds::Any)), 16, "{level:?}");
             assert_eq!(count(&|chosen| chosen.has(level) && chosen.has(Volume::Obb)), 4, "{level:?}");
         }
     }

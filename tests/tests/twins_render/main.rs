@@ -3,6 +3,7 @@
 mod components;
 mod curves;
 mod frames;
+mod patches;
 mod paths;
 mod raster;
 mod scenes;
@@ -16,6 +17,7 @@ fn main() -> std::process::ExitCode {
         components::tests(),
         curves::tests(),
         frames::tests(),
+        patches::tests(),
         paths::tests(),
         raster::tests(),
         streams::tests(),

@@ -8,6 +8,7 @@ mod deep;
 mod download;
 mod frames;
 mod moving;
+mod patches;
 mod segments;
 mod small;
 mod triangles;
@@ -25,6 +26,7 @@ fn main() -> std::process::ExitCode {
         download::tests(),
         frames::tests(),
         moving::tests(),
+        patches::tests(),
         segments::tests(),
         small::tests(),
         triangles::tests(),

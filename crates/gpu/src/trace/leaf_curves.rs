@@ -2,24 +2,45 @@
 
 use bytemuck::{Pod, cast_slice, pod_collect_to_vec};
 use canted_obb::Aabb;
-use canted_trace::{RibbonCubic, RibbonSegment, RoundCubic, RoundSegment, Sphere};
+use canted_trace::{BezierPatch, RibbonCubic, RibbonSegment, RoundCubic, RoundSegment, Sphere};
 use canted_wide::{Moves, Moving, RawBvh, SavedPrimitive, WideBvh};
 
 use super::layout::Quad;
 use super::leaf_triangles::LeafTriangle;
 
-/// Which curves the BVHs of a scene are over: what comes later needs kernels that test all before.
+/// Which kernels a scene needs for its curves: what comes later tests all before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum CurveKinds {
-    /// None.
+pub(super) enum CurveKernels {
+    /// There are none.
     #[default]
     None,
     /// Round segments.
     Segments,
     /// Curves of any kind.
-    All,
-    /// Curves of any kind, some of which have points that move.
-    Moving,
+    Kinds,
+    /// Curves of any kind, and patches.
+    Patches,
+}
+
+/// Which curves the BVHs of a scene are over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct CurveKinds {
+    pub(super) kernels: CurveKernels,
+    /// Whether some have points that move.
+    pub(super) moves: bool,
+}
+
+impl CurveKinds {
+    pub(super) const SEGMENTS: Self = Self { kernels: CurveKernels::Segments, moves: false };
+
+    /// Of two BVHs.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self { kernels: self.kernels.max(other.kernels), moves: self.moves || other.moves }
+    }
+
+    pub(super) fn any(self) -> bool {
+        self.kernels != CurveKernels::None
+    }
 }
 
 /// Bits of a kind, as in `shared/curve`.
@@ -29,7 +50,10 @@ const MOVING: u32 = 4;
 const SWEPT: u32 = 8;
 const BALL: u32 = 16;
 
-/// What a device traces a BVH of, apart from triangles and round segments: spheres, round cubic curves and ribbons, and these and segments with points and radii that move
+/// As in `shared/patch`.
+const SHEET: u32 = 32;
+
+/// What a device traces a BVH of, apart from triangles and round segments: spheres, round cubic curves, ribbons and patches, and these and segments with points and radii that move
 /// ([`Moving`]).
 pub trait DeviceCurve: SavedPrimitive + kind::Kind {}
 
@@ -59,6 +83,10 @@ impl kind::Kind for RibbonCubic {
     const KIND: u32 = SWEPT | RIBBON | CUBIC;
 }
 
+impl kind::Kind for BezierPatch {
+    const KIND: u32 = SWEPT | SHEET;
+}
+
 impl kind::Kind for Moving<RoundSegment> {
     const KIND: u32 = SWEPT | MOVING;
 }
@@ -73,6 +101,8 @@ impl MovingKind for RoundCubic {}
 impl MovingKind for RibbonSegment {}
 
 impl MovingKind for RibbonCubic {}
+
+impl MovingKind for BezierPatch {}
 
 impl<P: MovingKind> kind::Kind for Moving<P> {
     const KIND: u32 = P::KIND | MOVING;
@@ -98,7 +128,8 @@ impl<'a> HostCurves<'a> {
     }
 
     pub(super) fn kinds(self) -> CurveKinds {
-        if self.0.kind() & MOVING != 0 { CurveKinds::Moving } else { CurveKinds::All }
+        let kernels = if self.0.kind() & SHEET != 0 { CurveKernels::Patches } else { CurveKernels::Kinds };
+        CurveKinds { kernels, moves: self.0.kind() & MOVING != 0 }
     }
 
     /// A place for each curve in the order of leaves, then the rows of all, with as many zeros as make places of them.
@@ -179,6 +210,20 @@ mod tests {
         }
         // Ten rows each, in places of three.
         assert_eq!(records.len(), 5 + 17);
-        assert_eq!(curves.kinds(), CurveKinds::Moving);
+        assert_eq!(curves.kinds(), CurveKinds { kernels: CurveKernels::Kinds, moves: true });
+    }
+
+    #[test]
+    fn patches_have_twelve_rows() {
+        let points = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| [i as f32, j as f32, 0.25]));
+        let bvh = WideBvh::over(vec![BezierPatch { points }]).unwrap();
+        let curves = HostCurves::from(&bvh);
+        let records = curves.records(&curves.raw());
+        let [[.., number], [.., kind], [.., first]] = records[0];
+        assert_eq!((number, kind, first, records.len()), (0, SWEPT | SHEET, 3, 5));
+        let numbers: Vec<f32> =
+            records.as_flattened().as_flattened()[12..60].iter().map(|x| f32::from_bits(*x)).collect();
+        assert_eq!(numbers, points.as_flattened().as_flattened());
+        assert_eq!(curves.kinds(), CurveKinds { kernels: CurveKernels::Patches, moves: false });
     }
 }

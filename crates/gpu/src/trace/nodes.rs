@@ -13,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 use canted_lbvh::{Bits, Corners, Strategy};
 
 use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
-use super::leaf_curves::CurveKinds;
+use super::leaf_curves::{CurveKernels, CurveKinds};
 use super::leaf_triangles::UploadedBvh;
 use crate::build::{
     BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig, WideLevel,
@@ -273,7 +273,7 @@ impl Nodes {
     pub(super) fn curves(&self) -> CurveKinds {
         match self {
             Self::Wide(WideNodes { curves, .. }) => *curves,
-            Self::Binary(_) => CurveKinds::None,
+            Self::Binary(_) => CurveKinds::default(),
         }
     }
 
@@ -419,7 +419,7 @@ impl WideNodes {
     /// Those that the device built, and can write again.
     fn built(bvhs: WideBvhs) -> Self {
         let WideBvhs { nodes, triangles, is_oriented, collapse, .. } = bvhs;
-        Self { nodes, triangles, is_aligned: !is_oriented, curves: CurveKinds::None, collapse: Some(collapse) }
+        Self { nodes, triangles, is_aligned: !is_oriented, curves: CurveKinds::default(), collapse: Some(collapse) }
     }
 
     /// Writes those of a range of trees of a level again.
@@ -445,10 +445,11 @@ impl WideNodes {
 
     fn specialize(&self, chosen: Variant) -> Variant {
         let kinds = if self.is_aligned { choice::NodeKinds::Aligned } else { choice::NodeKinds::Any };
-        let traverse = match self.curves {
-            CurveKinds::None => choice::Traverse::Wide,
-            CurveKinds::Segments => choice::Traverse::Curves,
-            CurveKinds::All | CurveKinds::Moving => choice::Traverse::Kinds,
+        let traverse = match self.curves.kernels {
+            CurveKernels::None => choice::Traverse::Wide,
+            CurveKernels::Segments => choice::Traverse::Curves,
+            CurveKernels::Kinds => choice::Traverse::Kinds,
+            CurveKernels::Patches => choice::Traverse::Patches,
         };
         chosen.with(kinds).with(traverse)
     }

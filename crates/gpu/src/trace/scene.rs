@@ -9,7 +9,7 @@ use canted_wide::RawBvh;
 
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
-use super::leaf_curves::CurveKinds;
+use super::leaf_curves::{CurveKernels, CurveKinds};
 use super::leaf_triangles::UploadedBvh;
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
@@ -97,7 +97,7 @@ impl TracedScene {
         let masked = |mesh: usize| masked.get(mesh).map_or(&[][..], Vec::as_slice);
         let raw: Vec<RawBvh<'_>> = meshes.iter().map(|mesh| mesh.raw()).collect();
         let bounds: Vec<MeshBounds> = meshes.iter().zip(&raw).map(|(mesh, words)| mesh.bounds(words)).collect();
-        let curves = meshes.iter().map(|mesh| mesh.kinds()).max().unwrap_or_default();
+        let curves = meshes.iter().map(|mesh| mesh.kinds()).fold(CurveKinds::default(), CurveKinds::and);
         let deepest = raw.iter().map(|words| words.depth).max().unwrap_or(0);
         let instances = match levels {
             Levels::One(first_triangles) => {
@@ -230,12 +230,12 @@ impl TracedScene {
     /// Whether the scene has curves.
     #[must_use]
     pub fn has_curves(&self) -> bool {
-        self.nodes.curves() != CurveKinds::None
+        self.nodes.curves().any()
     }
 
     /// Whether the scene has curves whose points move.
     pub(super) fn has_moving_curves(&self) -> bool {
-        self.nodes.curves() == CurveKinds::Moving
+        self.nodes.curves().moves
     }
 
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene [has
@@ -256,11 +256,12 @@ impl TracedScene {
         if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
             return Ok(None);
         }
-        let (decide, weights) = match (self.nodes.curves(), leaves_masked && self.has_masked) {
-            (CurveKinds::None, false) => (choice::Decide::Triangles, choice::Weights::Triangles),
-            (CurveKinds::None, true) => (choice::Decide::Masked, choice::Weights::Triangles),
-            (CurveKinds::Segments, _) => (choice::Decide::Curves, choice::Weights::Curves),
-            (CurveKinds::All | CurveKinds::Moving, _) => (choice::Decide::Kinds, choice::Weights::Kinds),
+        let (decide, weights) = match (self.nodes.curves().kernels, leaves_masked && self.has_masked) {
+            (CurveKernels::None, false) => (choice::Decide::Triangles, choice::Weights::Triangles),
+            (CurveKernels::None, true) => (choice::Decide::Masked, choice::Weights::Triangles),
+            (CurveKernels::Segments, _) => (choice::Decide::Curves, choice::Weights::Curves),
+            (CurveKernels::Kinds, _) => (choice::Decide::Kinds, choice::Weights::Kinds),
+            (CurveKernels::Patches, _) => (choice::Decide::Patches, choice::Weights::Patches),
         };
         Ok(Some(self.specialize(chosen).with(decide).with(weights).of_kernel(kernel)?))
     }

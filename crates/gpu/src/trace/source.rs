@@ -46,7 +46,7 @@ pub enum HostBvh<'a> {
     Triangles(&'a TriangleBvh),
     /// Over round segments.
     Segments(&'a WideBvh<RoundSegment>),
-    /// Over spheres and other curves: cubic ones, ribbons, and those whose points move.
+    /// Over spheres, patches and other curves: cubic ones, ribbons, and those whose points move.
     Curves(HostCurves<'a>),
 }
 
@@ -83,13 +83,13 @@ impl<'a> HostBvh<'a> {
             Self::Segments(bvh) => bvh.aabb(),
             Self::Curves(bvh) => bvh.aabb(),
         };
-        MeshBounds { reach: words.reach, aabb, is_of_curves: self.kinds() != CurveKinds::None }
+        MeshBounds { reach: words.reach, aabb, is_of_curves: self.kinds().any() }
     }
 
     pub(super) fn kinds(self) -> CurveKinds {
         match self {
-            Self::Triangles(_) => CurveKinds::None,
-            Self::Segments(_) => CurveKinds::Segments,
+            Self::Triangles(_) => CurveKinds::default(),
+            Self::Segments(_) => CurveKinds::SEGMENTS,
             Self::Curves(bvh) => bvh.kinds(),
         }
     }

@@ -1,8 +1,8 @@
-//! Packs curves: `shared/surface_curve` has the form of segments, `shared/surface_kinds` that of all kinds.
+//! Packs curves: `shared/surface_curve` has the form of segments, `shared/surface_kinds` that of all kinds, `shared/surface_patch` that of patches.
 
 use canted_gpu::{DeviceCurve, HostBvh};
-use canted_scene::{CurveSegments, CurveShape, Curves, Mesh};
-use canted_trace::{RibbonCubic, RibbonSegment, RoundCubic, RoundSegment};
+use canted_scene::{CurveSegments, CurveShape, Curves, Mesh, MeshClose};
+use canted_trace::{BezierPatch, RibbonCubic, RibbonSegment, RoundCubic, RoundSegment};
 use canted_wide::{Moving, WideBvh};
 
 use super::materials::Columns;
@@ -15,6 +15,9 @@ const RIBBON: u32 = 2;
 const MOVING: u32 = 4;
 const SWEPT: u32 = 8;
 
+/// As in `shared/patch`.
+const SHEET: u32 = 32;
+
 /// Marks the numbers of inner control points, which are stored as `f32`.
 const INNER_BIT: u32 = 1 << 30;
 
@@ -24,11 +27,39 @@ pub(super) fn curve_kind(mesh: &Mesh) -> u32 {
     let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
     SWEPT
         | bit(matches!(segments, CurveSegments::Cubic(_)), CUBIC)
-        | bit(*shape == CurveShape::Ribbon, RIBBON)
+        | bit(*shape == CurveShape::Ribbon && !mesh.has_patches(), RIBBON)
+        | bit(mesh.has_patches(), SHEET)
         | bit(mesh.close.is_some(), MOVING)
 }
 
-/// The curves whose points start at vertex `base`, without materials. There are none for patches, which devices do not trace.
+/// The mesh with control points of its own for each patch, one patch after another; `None` for other meshes.
+pub(super) fn with_own_points(mesh: &Mesh) -> Option<Mesh> {
+    let Some(Curves { radii, segments: CurveSegments::Patches(list), shape }) = &mesh.curves else { return None };
+    fn each<T: Copy>(list: &[[u32; 16]], values: &[T]) -> Vec<T> {
+        list.as_flattened().iter().map(|&i| values[i as usize]).collect()
+    }
+    let numbers = (0..list.len() as u32).map(|k| std::array::from_fn(|m| 16 * k + m as u32));
+    let close = mesh.close.as_ref().map(|close| MeshClose {
+        positions: each(list, &close.positions),
+        radii: close.radii.as_ref().map(|radii| each(list, radii)),
+        normals: None,
+        tangents: None,
+    });
+    Some(Mesh {
+        positions: each(list, &mesh.positions),
+        colors: mesh.colors.as_ref().map(|colors| each(list, colors)),
+        curves: Some(Curves {
+            radii: each(list, radii),
+            segments: CurveSegments::Patches(numbers.collect()),
+            shape: *shape,
+        }),
+        parts: mesh.parts.clone(),
+        close,
+        ..Mesh::default()
+    })
+}
+
+/// The curves whose points start at vertex `base`, without materials. Patches have points [of their own](with_own_points).
 pub(super) fn packed_curves(
     mesh: &Mesh,
     Curves { radii, segments, .. }: &Curves,
@@ -52,7 +83,9 @@ pub(super) fn packed_curves(
         CurveSegments::Cubic(list) => {
             list.iter().zip(strands).map(|(&[a, b, c, d], part)| packed([a, d], [inner(b), inner(c)], part)).collect()
         }
-        CurveSegments::Patches(_) => vec![],
+        CurveSegments::Patches(list) => {
+            list.iter().map(|points| packed([points[0], points[15]], [0.0; 2], [0.0, 1.0])).collect()
+        }
     }
 }
 
@@ -78,7 +111,7 @@ pub(super) fn curve_reach(mesh: &Mesh, Curves { radii, .. }: &Curves) -> f32 {
     of(&mesh.positions, radii).max(closing)
 }
 
-/// A BVH over curves that move, for a device; `None` for patches.
+/// A BVH over curves or patches that move, for a device; `None` for kinds that are not known here.
 pub(super) fn moving_curves(bvh: &dyn CurveBvh) -> Option<HostBvh<'_>> {
     fn of<P: DeviceCurve + 'static>(bvh: &dyn CurveBvh) -> Option<HostBvh<'_>> {
         bvh.as_any().downcast_ref::<WideBvh<P>>().map(HostBvh::from)
@@ -87,4 +120,5 @@ pub(super) fn moving_curves(bvh: &dyn CurveBvh) -> Option<HostBvh<'_>> {
         .or_else(|| of::<Moving<RoundCubic>>(bvh))
         .or_else(|| of::<Moving<RibbonSegment>>(bvh))
         .or_else(|| of::<Moving<RibbonCubic>>(bvh))
+        .or_else(|| of::<Moving<BezierPatch>>(bvh))
 }

@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
 
-use super::curves::{curve_kind, curve_reach, packed_curves, put_curves};
+use super::curves::{curve_kind, curve_reach, packed_curves, put_curves, with_own_points};
 use super::materials::{Columns, Materials};
 use super::slack;
 use super::vertices::{PackedTriangle, in_range, length_of, put, put_attributes};
@@ -107,6 +107,8 @@ impl Geometry {
 
     /// Adds a transformed mesh; returns its greatest absolute coordinate.
     fn add(&mut self, mesh: &Mesh, columns: &Columns, map: &Affine, materials: &mut Materials) -> f32 {
+        let own = with_own_points(mesh);
+        let mesh = own.as_ref().unwrap_or(mesh);
         let is_mirrored = map.determinant() < 0.0;
         let stride = columns.stride as usize;
         let base = (self.vertices.len() / stride) as u32;

@@ -166,17 +166,18 @@ impl<'a> Materials<'a> {
     /// Number of the packed material for triangles or curves of `mesh`.
     pub(super) fn number(&mut self, id: MaterialId, mesh: &Mesh) -> u32 {
         let is_curve = mesh.curves.is_some();
+        let is_line = is_curve && !mesh.has_patches();
         // Every curve has coordinates along its strand and across.
         let has = [UvSet::First, UvSet::Second].map(|set| is_curve || mesh.uv_set(set).is_some());
-        let key = (id.0, has, is_curve);
+        let key = (id.0, has, is_line);
         if let Some(&number) = self.numbers.get(&key) {
             return number;
         }
         let number = self.packed.len() as u32;
         let material = &self.scene.materials[id.0 as usize];
         let mut packed = self.pack(material, has);
-        if is_curve {
-            // Curves have no faces.
+        if is_line {
+            // Curves have no faces, and only they are hair.
             packed.single_sided = 0;
             if let Some(hair) = &material.hair {
                 packed.hair = self.hairs.len() as u32;

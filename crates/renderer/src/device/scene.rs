@@ -1,7 +1,7 @@
 //! The buffers of a scene, and nothing that it does not need.
 
 use canted_gpu::{Buffer, Gpu, GpuError, MotionPolynomials, NamedBinding, Number, Variant, choice};
-use canted_scene::{Material, MaterialId, Scene};
+use canted_scene::{Material, MaterialId, Mesh, Scene};
 use canted_trace::InstanceId;
 
 use super::geometry::{Geometry, PackedPlacement, Placed};
@@ -60,6 +60,8 @@ struct Has {
     /// Whether some meshes have curves, and some curves are hair.
     curves: bool,
     hair: bool,
+    /// Whether some have patches.
+    patches: bool,
 }
 
 impl PackedScene {
@@ -109,6 +111,7 @@ impl PackedScene {
             glass: has_hair || scene.materials.iter().any(|material| material.transmission > 0.0),
             compensated_glass,
             curves: scene.has_curves(),
+            patches: scene.meshes.iter().any(Mesh::has_patches),
             hair: has_hair,
             shape_lights: scene.lights.iter().any(is_shape),
         };
@@ -166,7 +169,7 @@ impl PackedScene {
 
     /// Selects the parts of a kernel that read the scene.
     pub(super) fn specialize(&self, chosen: Variant) -> Variant {
-        let Has { instances, motion, normals, normal_maps, masks, single_sided, curves, hair, .. } = self.has;
+        let Has { instances, motion, normals, normal_maps, masks, single_sided, curves, hair, patches, .. } = self.has;
         let placed = match (instances, &self.firsts) {
             (true, _) if motion => choice::Placed::Moving,
             (true, _) => choice::Placed::Instances,
@@ -188,6 +191,7 @@ impl PackedScene {
         let shapes = match (curves, has_kinds) {
             (false, _) => choice::Shapes::Triangles,
             (true, false) => choice::Shapes::Curves,
+            (true, true) if patches => choice::Shapes::Patches,
             (true, true) => choice::Shapes::Kinds,
         };
         let chosen = chosen

@@ -14,7 +14,7 @@ use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, co
 
 const BUILT_CURVES: DeviceError = DeviceError::Unsupported { what: "curves in BVHs that the GPU builds" };
 
-const PATCHES: DeviceError = DeviceError::Unsupported { what: "patches" };
+const OTHER_CURVES: DeviceError = DeviceError::Unsupported { what: "moving curves of this kind" };
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
@@ -188,8 +188,8 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
             BottomLevel::Cubics(cubics) => meshes.push(cubics.into()),
             BottomLevel::Ribbons(ribbons) => meshes.push(ribbons.into()),
             BottomLevel::CubicRibbons(ribbons) => meshes.push(ribbons.into()),
-            BottomLevel::Patches(_) => return Err(PATCHES),
-            BottomLevel::MovingCurves(curves) => meshes.push(moving_curves(&**curves).ok_or(PATCHES)?),
+            BottomLevel::Patches(patches) => meshes.push(patches.into()),
+            BottomLevel::MovingCurves(curves) => meshes.push(moving_curves(&**curves).ok_or(OTHER_CURVES)?),
         }
     }
     Ok(Kind::Wide(meshes))
