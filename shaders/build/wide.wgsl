@@ -336,7 +336,7 @@ fn three_of(first: u32) -> vec3<f32> {
 }
 
 /// A box around a child.
-fn box_of(child: u32) -> Box {
+fn oriented_box_of(child: u32) -> Box {
     if (child & LEAF) == 0u {
         let at = 15u * child;
         let frame = mat3x3<f32>(three_of(at + 3u), three_of(at + 6u), three_of(at + 9u));
@@ -369,7 +369,7 @@ fn main(id: Invocation) {
             put_nothing(at + child);
             continue;
         }
-        let box = box_of(found);
+        let box = oriented_box_of(found);
         for (var k = 0u; k < 3u; k++) {
             let slab = slab_of(box.frame, box.half_extents, k);
             let axis = slab.xyz;

@@ -69,7 +69,7 @@ fn rays(rng: &mut SplitMix64, sheets: &[BezierPatch], n: usize, scale: f32) -> V
         };
         let at = [place(i / 2), place(i / 12)].map(f64::from);
         let [point, by_u, by_v] = sheet.at(at).map(|v| v.map(|x| x as f32));
-        let near = if i % 5 == 0 { 1e-6 * scale } else { 0.0 };
+        let near = if i.is_multiple_of(5) { 1e-6 * scale } else { 0.0 };
         let mut target = plus(point, near, vector(rng));
         let mut origin = plus(point, scale * [0.5, 3.0, 100.0][i % 3], vector(rng));
         match i / 18 % 8 {

@@ -13,8 +13,8 @@ use canted_trace::{
     Answer, Answers, Crossings, Hit, HitLists, Intersect, Ray, ScaledRay, Shear, Side, alternate_sides, with_stack,
 };
 
+use super::pass::pass_hits;
 use super::sink::{HitSink, by_t, sort_from, to_caller};
-use super::triangles::pass_hits;
 use crate::bvh::TriangleBvh;
 use crate::simd::{Simd, Task};
 use crate::traverse::{TracedRay, for_each_of_eight};

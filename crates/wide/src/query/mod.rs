@@ -1,6 +1,7 @@
 //! Ray queries of a BVH, over the traversal.
 //!
 //! ```text
+//! pass         the hits of one ray through triangles
 //! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each query that is not plain
 //! slices       slices of rays through triangles; those that are alike walk in groups
 //! primitives   tests of the caller, called from the traversal for each leaf
@@ -14,6 +15,7 @@ mod boxes;
 mod crossings;
 mod filtered;
 mod moving;
+mod pass;
 mod primitives;
 mod sink;
 mod slices;

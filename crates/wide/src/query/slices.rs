@@ -5,8 +5,8 @@
 
 use canted_trace::{Accept, AcceptAt, Answers, Hit, Query, Ray, ScaledRay};
 
+use super::pass::{PADS, TriangleLeaves, pass_hits};
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, Visits};
-use super::triangles::{PADS, TriangleLeaves, pass_hits};
 use crate::bvh::TriangleBvh;
 use crate::node::HalfBlock;
 use crate::simd::{Simd, Task};

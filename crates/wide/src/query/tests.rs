@@ -3,8 +3,8 @@
 use canted_fixtures::{Grazing, Mesh, SplitMix64};
 use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
 
+use super::pass::{PADS, pass_hits};
 use super::sink::BestHit;
-use super::triangles::{PADS, pass_hits};
 use crate::leaf::StoredTriangles;
 use crate::node::LeafLayout;
 use crate::node::checked::Hierarchy;

@@ -1,0 +1,127 @@
+//! The hits of a ray through triangles, passed to a sink: the traversal with a visitor that tests the triangles of each leaf, eight at a time.
+
+use canted_trace::{ScaledRay, TriangleTest};
+
+use super::sink::HitSink;
+use crate::bvh::TriangleBvh;
+use crate::leaf::hit;
+use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
+use crate::simd::Simd;
+use crate::traverse::{Block, LeafRange, Pads, RayLanes, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
+
+/// Pads for the default triangle test.
+pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
+
+/// Passes all hits of `ray` to `sink`. Must be inlined where the path's instructions are enabled, like all callers of [`Simd`].
+#[inline(always)]
+pub(super) fn pass_hits<S: Simd, T: HitSink, const WATERTIGHT: bool>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ray: &TracedRay,
+    stack: &mut [u64],
+    sink: &mut T,
+) {
+    // Two values instead of one in memory: the kernels index the direction, and what is indexed stays in memory.
+    let TracedRay { scaled, numbers } = *ray;
+    pass_prepared::<S, T, WATERTIGHT>(simd, bvh, (&scaled, &numbers), stack, sink);
+}
+
+/// [`pass_hits`] of a ray that is prepared here, with the default triangle test.
+#[inline(always)]
+pub(super) fn pass_plain<S: Simd, T: HitSink>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ray: &ScaledRay,
+    stack: &mut [u64],
+    sink: &mut T,
+) {
+    let numbers = RayNumbers::relative(ray, &bvh.frame, PADS);
+    pass_prepared::<S, T, true>(simd, bvh, (ray, &numbers), stack, sink);
+}
+
+/// The work of [`pass_hits`].
+#[inline(always)]
+fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
+    simd: S,
+    bvh: &TriangleBvh,
+    (scaled, numbers): (&ScaledRay, &RayNumbers<f32>),
+    stack: &mut [u64],
+    sink: &mut T,
+) {
+    let (halves, prepared) = (&bvh.leaves.halves[..], RayTriangles::new(simd, scaled));
+    let mut leaves = TriangleLeaves::<S, T, WATERTIGHT> { simd, halves, prepared, ray: scaled, sink };
+    let lanes = RayLanes::new(simd, numbers);
+    if T::ORDERED {
+        walk::<S, true>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut leaves);
+    } else {
+        walk::<S, false>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut leaves);
+    }
+}
+
+/// Tests the triangles of each leaf that a ray enters, eight at a time.
+pub(super) struct TriangleLeaves<'a, S: Simd, T, const WATERTIGHT: bool> {
+    pub(super) simd: S,
+    pub(super) halves: &'a [HalfBlock],
+    pub(super) prepared: RayTriangles<S>,
+    pub(super) ray: &'a ScaledRay,
+    pub(super) sink: &'a mut T,
+}
+
+impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_, S, T, WATERTIGHT> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: LeafRange) -> f32 {
+        let Self { simd, halves, prepared, ray, sink } = self;
+        let simd = *simd;
+        let LeafRange { first, mut n, mut t_max } = leaf;
+        if let Some(visits) = sink.visits() {
+            visits.leaf(n);
+        }
+        // A leaf that starts in the second part of a half-block holds no more than that.
+        let shift = first as usize % PARTS * PART_LANES;
+        let mut first = first as usize / PARTS;
+        loop {
+            let block = Block::at(halves, first, n);
+            let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
+            let candidates = match (T::ANY, T::SPLITS) {
+                (true, _) => block.candidates::<S, WATERTIGHT, true, false>(simd, prepared, t_max),
+                (false, true) => block.candidates::<S, WATERTIGHT, false, true>(simd, prepared, t_max),
+                (false, false) => block.candidates::<S, WATERTIGHT, false, false>(simd, prepared, t_max),
+            };
+            let mut mask = candidates.mask & filled;
+            if T::ANY && candidates.sure & filled != 0 {
+                return sink.take_any();
+            }
+            if let Some(visits) = sink.visits() {
+                visits.exact(mask.count_ones());
+            }
+            while mask != 0 {
+                let lane = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                let vertices = block.vertices(lane);
+                let found = candidates.hit::<WATERTIGHT>(simd, prepared, ray, (lane, &vertices), t_max);
+                let Some(found) = found else { continue };
+                let found = hit(found.t, [found.u, found.v], found.side, block.primitive(lane));
+                t_max = if T::SPLITS && candidates.inside >> lane & 1 == 1 {
+                    sink.take_inside(found, t_max)
+                } else {
+                    sink.take(ray, found, &vertices, t_max)
+                };
+                if t_max < 0.0 {
+                    return t_max;
+                }
+            }
+            if n <= 8 {
+                return t_max;
+            }
+            n -= 8;
+            first += 2;
+        }
+    }
+
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        if let Some(visits) = self.sink.visits() {
+            visits.node(kind);
+        }
+    }
+}
