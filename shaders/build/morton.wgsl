@@ -80,6 +80,7 @@ fn main(id: Invocation) {
 // use ?item
 // use ?code
 // use shared/build/code
+// use shared/build/slice
 
 @group(0) @binding(6) var<storage, read> bounds: array<u32>;
 
@@ -92,7 +93,8 @@ fn grid_of(tree: u32) -> Domain {
     let high = vec3<f32>(end_at(tree, 3u), end_at(tree, 4u), end_at(tree, 5u));
     let extent = high - low;
     let largest = max(max(extent.x, extent.y), extent.z);
-    return Domain(N_POINTS * low, cells_over(N_POINTS * largest));
+    // Not fused with a sum of the item in the same kernel: codes are those of the rounded product.
+    return Domain(stored(N_POINTS * low), cells_over(N_POINTS * largest));
 }
 
 /// 2^CELL_BITS / x, rounded to nearest; 0 if x is 0 or the result is not finite.
@@ -155,7 +157,7 @@ fn grid_at(tree: u32) -> Domain {
 // Reads: grids or bounding boxes, items.
 // Writes: one code per item, in input order; where there are several trees, the tree of each item, which is the most significant word of
 // its key; where several tiles are sorted, the counts of the first digit.
-// Holds: the same integers as on the CPU. Sums have a fixed order; a subtraction followed by a product cannot be fused.
+// Holds: the same integers as on the CPU. Sums have a fixed order; a subtraction followed by a product cannot be fused, and the offset is stored before it.
 // Source: Lauterbach et al. 2009.
 // use shared/build/slice
 // use shared/build/tree/forest

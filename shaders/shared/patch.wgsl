@@ -48,18 +48,18 @@
 // sum of all these, of the CPU's.
 //
 // *Simple parts.* A step errs by 2 g + 4 E, and its p or q by that times the coordinates of `V` or `U`, and by three roundings of terms of
-// up to 4 times those: together by less than 3 g times those. F at parameters is computed with an error below 30 E, so the same bounds it.
+// up to 4 times those: together by less than 3 g times those. F at parameters is computed with an error below 36 E, at most g, so the same bounds it.
 // `error` is the sum of both; `k` and `r` include it.
 //
-// *Along the ray* the CPU's hit errs by 5 E M: half a rounding of `t`, and four of hits at one `t`. `t` of a control point errs by 3.5 E
-// M, that of a part by 16 E M and its value at parameters by 12 E M: below ALONG_ERROR, plus D.
+// *Along the ray* the CPU's hit errs by 5 E M: half a rounding of `t`, and four of hits at one `t`. `t` of a control point errs by 4.5 E
+// M, that of a part by 16 E M and its value at parameters by 17 E M: below ALONG_ERROR, plus D.
 //
 // # What is certain
 // The CPU counts hits by windings of parts, which sum to that of the whole, and reports them where the line meets the patch. So a part
 // that is missed has none. A simple part through which the line passes once has one, if no other cancels it: parts that the CPU does not
 // solve, thinner than 2^-24 of the extent, count windings only. It halves as here, so such a part is in the simple one, or contains it and
 // is not thin. Only where both steps are equal but for `4 g` it may halve otherwise: then, if the line may meet other parts of the patch,
-// the hit is in doubt.
+// what it meets first is in doubt, and no hit.
 // use shared/bvh
 // use shared/triangle
 // use shared/triangle/records
@@ -80,6 +80,9 @@ const MAX_DEPTH: u32 = 28u;
 /// Parts of a patch that a ray looks at; what is left then is undecided.
 const MAX_PARTS: u32 = 256u;
 
+/// Hits of a patch that are passed, at most: a line meets it in up to 18 points.
+const SHEET_EVENTS: u32 = 18u;
+
 /// Newton's steps at most.
 const SHEET_STEPS: u32 = 10u;
 
@@ -90,7 +93,7 @@ const SHEET_LOCAL: f32 = 36.0 * ROUNDING;
 const SHEET_MOVING: f32 = 12.0 * ROUNDING;
 
 /// Error of `t`, relative to M.
-const ALONG_ERROR: f32 = 40.0 * ROUNDING;
+const ALONG_ERROR: f32 = 48.0 * ROUNDING;
 
 /// A point that is not known better than this, in parameters of its part, is searched in its halves.
 const KNOWN: f32 = 0.015625;
@@ -323,7 +326,13 @@ fn is_thin(part: Net, width: f32) -> bool {
     let c = vec2<f32>(part.x[3].w, part.y[3].w);
     let d = vec2<f32>(part.x[0].w, part.y[0].w);
     let line = longer(longer(longer(b - a, c - b), longer(d - c, a - d)), longer(c - a, d - b));
-    let length = guarded_root(dot_across(line, line));
+    let square = dot_across(line, line);
+    if square == 0.0 {
+        let of_x = range_of(part.x);
+        let of_y = range_of(part.y);
+        return max(of_x.y - of_x.x, of_y.y - of_y.x) <= width;
+    }
+    let length = guarded_root(square);
     let across_x = line.y * reciprocal(length);
     let across_y = line.x * reciprocal(length);
     let x = part.x;
@@ -358,9 +367,11 @@ fn event_of_sheet(sheet: Sheet, start: f32, limit: f32, is_answer: bool) -> Shee
         n_parts += 1u;
         if iterations > MAX_ITERATIONS || n_parts > MAX_PARTS {
             event.doubt = min(event.doubt, start);
+            n_met += 2u;
             break;
         }
-        let width = vec2<f32>(reciprocal(f32(1u << level.x)), reciprocal(f32(1u << level.y)));
+        // Powers of two, which a division need not give.
+        let width = bitcast<vec2<f32>>((vec2<u32>(127u) - level) << vec2<u32>(23u));
         let from_at = vec2<f32>(place) * width;
         let part = part_of_sheet(sheet.net, from_at, width);
         let x = range_of(part.x);
@@ -424,8 +435,9 @@ fn event_of_sheet(sheet: Sheet, start: f32, limit: f32, is_answer: bool) -> Shee
         second = (second >> n_up) | 1u;
         place += select(vec2<u32>(1u, 0u), vec2<u32>(0u, 1u), (halved & 1u) != 0u);
     }
-    if is_ambiguous && n_met > 1u {
-        event.doubt = min(event.doubt, event.first);
+    if !is_answer && is_ambiguous && n_met > 1u {
+        let doubt = min(event.doubt, event.first);
+        return SheetEvent(BEYOND_SHEETS, BEYOND_SHEETS, 0.0, vec2<f32>(0.0), doubt);
     }
     return event;
 }
@@ -489,7 +501,7 @@ fn consider_sheet(at: u32, kind: u32) {
     tested_place = at;
     var start = space.t_min;
     iterations += 1u;
-    for (var i = 0u; i < MAX_EVENTS; i += 1u) {
+    for (var i = 0u; i < SHEET_EVENTS; i += 1u) {
         iterations += 1u;
         let event = event_of_sheet(sheet, start, t_max, true);
         if event.t > t_max || event.first >= BEYOND_SHEETS {
@@ -543,7 +555,8 @@ fn completed(index: u32, found: Found) -> Hit {
 /// The hit of a patch in the current instance.
 fn weighed_sheet(index: u32, found: Found, kind: u32) -> Hit {
     let event = event_of_sheet(sheet_at(found.at, kind, 1.0), space.t_min, BEYOND_SHEETS, false);
-    if event.first >= BEYOND_SHEETS {
+    // This walk visits also parts behind the hit that was decided.
+    if event.first >= BEYOND_SHEETS || event.doubt <= event.last {
         list(index);
     }
     return Hit(caller_t(event.t), event.at.x, event.at.y, found.primitive, found.instance);

@@ -5,7 +5,8 @@ use bytemuck::{Pod, Zeroable};
 use crate::wait::Instant;
 use crate::{AdapterKind, Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
-/// Maximum number of invocations per submission and per dispatch: about 100 ms on a software driver, less on hardware.
+/// Maximum number of invocations per submission and per dispatch whose size the host knows: about 100 ms on a software driver, less on
+/// hardware. Dispatches whose sizes only the device knows are not divided.
 const SOFTWARE_INVOCATIONS: u32 = 1 << 18;
 const INVOCATIONS: u32 = 1 << 22;
 
@@ -17,7 +18,8 @@ pub struct StageTime {
     /// Milliseconds from its first dispatch to its last, by device timestamps. Wall-clock time including submission and wait if
     /// [`Gpu::has_timestamps`] is false.
     pub milliseconds: f64,
-    /// Number of work-groups, which does not depend on the load of the machine.
+    /// Number of work-groups, which does not depend on the load of the machine; without those of dispatches whose sizes only the device
+    /// knows.
     pub n_groups: u64,
 }
 

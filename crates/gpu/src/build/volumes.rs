@@ -96,7 +96,7 @@ pub fn obbs(
 /// The box of each inner node, by slot, along the principal axes of the surface of everything below it; the axis-aligned box if
 /// that has no more area.
 ///
-/// Frames are computed one height at a time. Then each run of leaves measures itself in the frame of every node above it, so the
+/// Frames are computed from the leaves up, subtree by subtree. Then each run of leaves measures itself in the frame of every node above it, so the
 /// time is proportional to the sum of all subtree sizes, as on the CPU.
 pub(super) fn unbounded(
     build: &mut BuildEncoder<'_>,
