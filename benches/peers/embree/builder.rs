@@ -1,7 +1,8 @@
 //! The trees of Embree's builders over boxes: those of its own triangle scenes, which it does not show, have the same binning and splits.
 //!
 //! Reads: boxes, a function that splits a primitive. Writes: nodes of up to [`Shape::width`] children, leaves.
-//! Holds: what Embree calls reads and writes only the state passed with it, under a lock; names of nodes are numbers, never addresses.
+//! Holds: what Embree calls writes only the state passed with it, under a lock, and splits primitives by a function that threads may
+//! share; names of nodes are numbers, never addresses.
 //! Source: Embree API reference, `rtcBuildBVH`.
 #![expect(unsafe_code, reason = "the C interface; every block states why it is sound")]
 
@@ -122,8 +123,10 @@ pub(super) struct Arguments {
 }
 
 const QUALITY_HIGH: i32 = 2;
-/// Depth of Embree's own trees.
-const MAX_DEPTH: u32 = 32;
+/// Depth of a tree of this many children: Embree's own eight-wide ones have 32, the last eight of them without a choice by cost.
+fn max_depth(width: u32) -> u32 {
+    if width == 2 { 8 + 3 * 24 } else { 32 }
+}
 /// Triangles of a block of its leaves.
 const BLOCK: u32 = 4;
 
@@ -173,7 +176,7 @@ pub fn build(library: &Library, boxes: &[Bounds], split: Split<'_>, shape: &Shap
         quality: QUALITY_HIGH,
         flags: 0,
         max_branching: shape.width,
-        max_depth: MAX_DEPTH,
+        max_depth: max_depth(shape.width),
         sah_block: BLOCK,
         min_leaf: shape.min_leaf,
         max_leaf: shape.max_leaf,

@@ -8,7 +8,8 @@ use crate::{Accept, Hit, HitLists, InstanceId, PlacedRay, Query, Ray, ScaledRay,
 /// Rays that a thread takes at a time.
 const CHUNK: usize = 1024;
 
-/// A function that accepts or rejects a hit, by the index of the ray in its slice, the ray and the hit alone.
+/// A function that accepts or rejects a hit, by the index of the ray in its slice, the ray and the hit alone. It may get a hit twice, and hits of
+/// neighboring rays in turn.
 pub type AcceptAt<'a> = dyn Fn(usize, &Ray, &Hit) -> bool + Sync + 'a;
 
 /// Where the answers for a slice of rays go, one for each ray.

@@ -12,7 +12,7 @@ use canted_trace::{
 
 use super::pass::{pass_hits, pass_plain};
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
-use super::slices::{AllOfSlice, Slice, stack_len_of_slices};
+use super::slices::{AllOfSlice, Slice, stack_len_of_slice};
 use crate::bvh::TriangleBvh;
 use crate::simd::{Simd, Task};
 use crate::traverse::{Pads, TracedRay, for_each_of_eight};
@@ -83,7 +83,7 @@ impl Intersect for TriangleBvh {
     }
 
     fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
-        with_stack(stack_len_of_slices(self), |stack| {
+        with_stack(stack_len_of_slice(self, rays.len()), |stack| {
             let (bvh, is_plain) = (self, accept.is_none());
             if self.leaves.test == TriangleTest::Watertight {
                 return match answers {

@@ -20,10 +20,10 @@ pub(crate) const GROUP: usize = 16;
 pub(crate) const BLOCK: u32 = 2;
 
 /// What a group costs beyond its tests: the numbers of each ray pass through memory.
-const OVERHEAD: u32 = 24;
+pub(crate) const OVERHEAD: u32 = 24;
 
 /// Entries of the stack that a subtree takes which waits: where the group enters it and its word, and the place of its box.
-const ENTRY: usize = 2;
+pub(crate) const ENTRY: usize = 2;
 
 /// Two times eight rays, prepared for a walk together.
 pub(crate) struct RayGroup<'a, S: Simd> {
@@ -44,20 +44,21 @@ impl<'a, S: Simd> RayGroup<'a, S> {
         if !a.are_all() || !b.are_all() {
             return None;
         }
-        let relative = if frame.is_identity { pads.aligned } else { pads.rotated };
-        let mut greatest = simd.splat(0.0);
+        let mut reach = simd.splat(0.0);
         for k in 0..3 {
-            let both = simd.max(simd.abs(simd.load(&a.numbers.origin[k])), simd.abs(simd.load(&b.numbers.origin[k])));
-            greatest = simd.max(greatest, both);
+            let (o_a, o_b) = (simd.load(&a.numbers.origin[k]), simd.load(&b.numbers.origin[k]));
+            reach = simd.max(reach, simd.max(simd.abs(o_a), simd.abs(o_b)));
         }
-        let pad = relative * most(&simd.store(greatest)) + f32::MIN_POSITIVE;
+        let pads = pads.along([greatest_of(&simd.store(reach)); 3]);
+        let pad = if frame.is_identity { pads.aligned } else { pads.rotated };
         let (mut recip_near, mut recip_far) = ([0.0; 3], [0.0; 3]);
         let (mut near, mut far, mut flipped) = ([0.0; 3], [0.0; 3], [false; 3]);
         for k in 0..3 {
             let (r_a, r_b) = (simd.load(&a.numbers.recip[k]), simd.load(&b.numbers.recip[k]));
             let (o_a, o_b) = (simd.load(&a.along[k]), simd.load(&b.along[k]));
-            let r = [least(&simd.store(simd.min(r_a, r_b))), most(&simd.store(simd.max(r_a, r_b)))];
-            let o = [least(&simd.store(simd.min(o_a, o_b))) - pad, most(&simd.store(simd.max(o_a, o_b))) + pad];
+            let r = [least_of(&simd.store(simd.min(r_a, r_b))), greatest_of(&simd.store(simd.max(r_a, r_b)))];
+            let o =
+                [least_of(&simd.store(simd.min(o_a, o_b))) - pad, greatest_of(&simd.store(simd.max(o_a, o_b))) + pad];
             flipped[k] = r[1] < 0.0;
             if r[0] < 0.0 && !flipped[k] {
                 return None;
@@ -74,15 +75,15 @@ impl<'a, S: Simd> RayGroup<'a, S> {
             near: splat3(simd, near),
             far: splat3(simd, far),
             flipped,
-            t_min: simd.splat(least(&simd.store(t_min)) + 0.0),
+            t_min: simd.splat(least_of(&simd.store(t_min)) + 0.0),
         })
     }
 
     /// Calls `leaf` with each ray that enters a leaf at or before its `t_max`, nearer subtrees of the group first where `ORDERED`. It returns the
     /// new `t_max` of the ray; a negative one ends its traversal.
     ///
-    /// Nodes are aligned. `stack` has room for twice [`Nodes::stack_len`]. Returns whether the work was at most `most`, in tests of nodes; it ends once it is
-    /// more.
+    /// Nodes are aligned. `stack` has room for [`ENTRY`] times [`Nodes::stack_len`]. Returns the work, in tests of nodes; `None`
+    /// once it exceeds `limit`, which only the last leaf may do.
     #[inline(always)]
     pub(crate) fn walk<const ORDERED: bool>(
         &self,
@@ -91,17 +92,17 @@ impl<'a, S: Simd> RayGroup<'a, S> {
         t_max: &mut [[f32; 8]; 2],
         stack: &mut [u64],
         leaves: &mut impl GroupLeaves,
-        most: u32,
+        limit: u32,
     ) -> Option<u32> {
         let lines: &[CacheLine] = &nodes.lines;
-        let mut farthest = most_of(t_max);
+        let mut farthest = greatest_of_all(t_max);
         let mut waiting = 0;
         let mut word = nodes.root;
         let mut place = None;
         let mut work = OVERHEAD;
         loop {
             work += 1;
-            if work > most {
+            if work > limit {
                 return None;
             }
             match word.kind() {
@@ -133,7 +134,7 @@ impl<'a, S: Simd> RayGroup<'a, S> {
                         has_hit |= new != old;
                     }
                     if has_hit {
-                        farthest = most_of(t_max);
+                        farthest = greatest_of_all(t_max);
                         if farthest < 0.0 {
                             return Some(work);
                         }
@@ -212,7 +213,7 @@ pub(crate) trait GroupLeaves {
     fn leaf(&mut self, i: usize, leaf: LeafRange) -> f32;
 }
 
-/// Pushes all children, the farthest first where `ORDERED`.
+/// Pushes all children, the farthest first where `ORDERED`, else the last first.
 #[inline(always)]
 fn push<const ORDERED: bool>(
     stack: &mut [u64],
@@ -225,8 +226,8 @@ fn push<const ORDERED: bool>(
     let base = *waiting;
     let mut top = base;
     while mask != 0 {
-        let child = (mask.trailing_zeros() & 7) as usize;
-        mask &= mask - 1;
+        let child = (31 - mask.leading_zeros()) as usize & 7;
+        mask &= !(1 << child);
         let key = u64::from(near[child].to_bits()) << 32 | u64::from(words[child].0);
         let mut at = top;
         while ORDERED && at > base && stack[ENTRY * (at - 1)] < key {
@@ -242,18 +243,18 @@ fn push<const ORDERED: bool>(
 }
 
 #[inline(always)]
-fn most_of([a, b]: &[[f32; 8]; 2]) -> f32 {
-    f32::max(most(a), most(b))
+fn greatest_of_all([a, b]: &[[f32; 8]; 2]) -> f32 {
+    f32::max(greatest_of(a), greatest_of(b))
 }
 
 #[inline(always)]
-fn most(x: &[f32; 8]) -> f32 {
+fn greatest_of(x: &[f32; 8]) -> f32 {
     let pairs = [f32::max(x[0], x[4]), f32::max(x[1], x[5]), f32::max(x[2], x[6]), f32::max(x[3], x[7])];
     f32::max(f32::max(pairs[0], pairs[1]), f32::max(pairs[2], pairs[3]))
 }
 
 #[inline(always)]
-fn least(x: &[f32; 8]) -> f32 {
+fn least_of(x: &[f32; 8]) -> f32 {
     let pairs = [f32::min(x[0], x[4]), f32::min(x[1], x[5]), f32::min(x[2], x[6]), f32::min(x[3], x[7])];
     f32::min(f32::min(pairs[0], pairs[1]), f32::min(pairs[2], pairs[3]))
 }

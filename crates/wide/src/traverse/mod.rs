@@ -79,7 +79,7 @@ pub(crate) use balls::numbers_of_ball;
 pub(crate) use block::{Block, RayTriangles, SHRINK};
 pub(crate) use eight::{EightRays, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
-pub(crate) use group::{BLOCK, GROUP, GroupLeaves, RayGroup};
+pub(crate) use group::{BLOCK, ENTRY, GROUP, GroupLeaves, OVERHEAD, RayGroup};
 pub(crate) use hulls::numbers;
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
 pub(crate) use reach::{RayLine, Reached, VisitLane};
