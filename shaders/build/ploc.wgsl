@@ -309,7 +309,7 @@ fn main(id: Invocation) {
         for (var at = local; at < n; at += GROUP) {
             scratch[state.first + at] = far_partner_of(state, at, is_odd, radius_of(step));
         }
-        storageBarrier();
+        storageBarrier(); // Shared in this work-group.
         var n_kept = 0u;
         for (var tile = 0u; tile < n; tile += GROUP) {
             let at = tile + local;
@@ -333,7 +333,7 @@ fn main(id: Invocation) {
             }
             n_kept += scanned.total;
         }
-        storageBarrier();
+        storageBarrier(); // Shared in this work-group.
         if local == 0u {
             let is_forced = is_forced_after(n, n_kept, state.is_forced != 0u);
             group_state = TreeState(state.first, state.first + n_kept, select(0u, 1u, is_forced));

@@ -189,7 +189,7 @@ fn walk_nodes(id: Invocation) {
             order[first + atomicAdd(&height_ends[schedule[height_at(slot, n_slots)]], 1u)] = slot;
         }
     }
-    storageBarrier();
+    storageBarrier(); // Shared in this work-group.
     workgroupBarrier();
     var start = 0u;
     for (var height = 1u; height <= last; height++) {
@@ -198,7 +198,7 @@ fn walk_nodes(id: Invocation) {
             visit(order[first + i]);
         }
         start = end;
-        storageBarrier();
+        storageBarrier(); // Shared in this work-group.
     }
 }
 

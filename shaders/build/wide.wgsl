@@ -62,7 +62,7 @@ fn main(id: Invocation) {
         for (var i = now.start + local; i < now.end; i += GROUP) {
             open(now, found[now.first + i]);
         }
-        storageBarrier();
+        storageBarrier(); // Shared in this work-group.
         workgroupBarrier();
         if local == 0u {
             span = Span(now.first, now.end, atomicLoad(&n_found), now.level + 1u);

@@ -10,7 +10,8 @@ use crate::{ShaderError, ShaderName, Variant, assemble, reflection};
 /// Findings in a kernel, as sentences with line numbers:
 ///
 /// * A barrier that not all invocations of a work-group reach.
-/// * A `storageBarrier`. Other work-groups see writes only in a later dispatch, never after a barrier.
+/// * A `storageBarrier` whose line does not say "Shared in this work-group". Other work-groups see writes only in a later dispatch, never
+///   after a barrier.
 /// * In kernels of `trace/`, operations that can produce NaN or infinity; see `numbers`.
 ///
 /// # Errors
@@ -18,6 +19,9 @@ use crate::{ShaderError, ShaderName, Variant, assemble, reflection};
 pub fn lint(name: ShaderName, chosen: &Variant) -> Result<Vec<String>, ShaderError> {
     of_text(name.as_str(), &assemble(name, chosen)?, chosen.overrides())
 }
+
+/// What a line with a `storageBarrier` says if only its own work-group reads what was written.
+const SHARED: &str = "// Shared in this work-group";
 
 /// Findings in a text, under the name of a kernel.
 fn of_text(name: &str, source: &str, overrides: &[(&'static str, f64)]) -> Result<Vec<String>, ShaderError> {
@@ -30,6 +34,9 @@ fn of_text(name: &str, source: &str, overrides: &[(&'static str, f64)]) -> Resul
     }
     for span in storage_barriers(&module) {
         let line = at(span);
+        if source.lines().nth(line as usize - 1).is_some_and(|text| text.contains(SHARED)) {
+            continue;
+        }
         findings.push(format!(
             "{name}: storageBarrier in line {line}: other work-groups see writes only in a later dispatch"
         ));
@@ -125,6 +132,7 @@ mod tests {
     fn work_group_barriers_are_accepted() {
         for body in [
             "words[i] = 1u;\nworkgroupBarrier();\nboth[i] = words[63u - i];",
+            "words[i] = 1u;\nstorageBarrier(); // Shared in this work-group.\nboth[i] = words[63u - i];",
             "both[i] = words[i]; sync(); words[i] = both[63u - i];",
             "words[i] = workgroupUniformLoad(&both[3]);",
         ] {

@@ -22,14 +22,15 @@ pub(crate) fn tests() -> Vec<Test> {
     ]
 }
 
-/// Patches of every shape: gentle, strongly bent, with a collapsed edge, with coincident control points, folded, flat, crossing themselves, tiny, a line, a point.
+/// Patches of every shape: gentle, strongly bent, with a collapsed edge, with coincident control points, folded, flat, crossing themselves, tiny, a line, a point, with equal
+/// corners.
 fn sheets(rng: &mut SplitMix64, n: usize, scale: f32, offset: [f32; 3]) -> Vec<BezierPatch> {
     let one = |i: usize| {
         let (first, along, across) = (vector(rng), vector(rng), vector(rng));
         let size = [0.3, 0.3, 1e-3, 0.05][i % 4];
         let bend = [0.1, 0.0, 0.5, 1.5, 0.02][i / 4 % 5];
         let grid = |u: f32, v: f32| plus(plus(first, size * u, along), size * v, across);
-        let shape = i / 20 % 8;
+        let shape = i / 20 % 9;
         let mut points = [[[0.0_f32; 3]; 4]; 4];
         for (u, row) in points.iter_mut().enumerate() {
             for (v, point) in row.iter_mut().enumerate() {
@@ -50,6 +51,8 @@ fn sheets(rng: &mut SplitMix64, n: usize, scale: f32, offset: [f32; 3]) -> Vec<B
             // The edge is one point, however bent the rest.
             3 => points = points.map(|[_, b, c, d]| [first, b, c, d]),
             7 => points[1][1] = points[0][0],
+            // A balloon: all corners are one point.
+            8 => [points[0][0], points[0][3], points[3][0], points[3][3]] = [first; 4],
             _ => {}
         }
         BezierPatch { points: points.map(|row| row.map(|p| plus(offset, scale, p))) }
