@@ -5,7 +5,7 @@ use canted_obb::PrimId;
 use canted_trace::{
     HIT_ERROR, Hit, InstanceId, Intersect, Ray, RibbonCubic, RibbonSegment, RoundCubic, RoundSegment, ScaledRay, Sphere,
 };
-use canted_wide::{Preset, Primitive, PrimitiveHit, SimdPath, WideBvh};
+use canted_wide::{Moves, Moving, Preset, Primitive, PrimitiveHit, SimdPath, WideBvh};
 
 use super::{Oracle, Promise, Row, hierarchy::SAME};
 
@@ -186,7 +186,7 @@ fn rays<P: Balls>(rng: &mut SplitMix64, place: Place, all: &[P], n: usize) -> Ve
 }
 
 /// What a loop over all primitives hits first.
-fn looped<P: Balls>(all: &[P], ray: &Ray) -> Option<Hit> {
+pub(super) fn looped<P: Primitive>(all: &[P], ray: &Ray) -> Option<Hit> {
     let scaled = ScaledRay::new(ray)?;
     let one = |(i, primitive): (u32, &P)| {
         let PrimitiveHit { t, u, v, side } = primitive.intersect(&scaled, scaled.t_max)?;
@@ -251,6 +251,30 @@ fn rows_of<P: Balls>(case: &'static str, place: Place, [all, tested]: [&[P]; 2],
     rows
 }
 
+/// A row of primitives that move to others of `all` while the shutter is open, by as much as the scene is wide; the loop tests those `between` both at
+/// the time of each ray.
+pub(super) fn row_of_motion<P: Moves>(
+    stage: &'static str,
+    case: &str,
+    place: Place,
+    all: &[P],
+    rays: &[Ray],
+    between: impl Fn(&P, &P, f32) -> P,
+) -> Row {
+    let promise = Promise::none(stage, leaked(&format!("moving {case}"), place), SAME, Oracle::Loop, "rays");
+    let shapes: Vec<Moving<P>> = (1..).zip(all).map(|(i, &open)| Moving { open, close: all[i % all.len()] }).collect();
+    let bvh = WideBvh::over_with(shapes.clone(), Preset::Quality).expect("bounds are finite");
+    let key = |hit: Option<Hit>| hit.map(|hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.side));
+    let times = [0.0, 1.0 / 3.0, 0.7, 1.0];
+    let differs = |(i, ray): (usize, &Ray)| {
+        let ray = ray.at_time(times[i % times.len()]);
+        let at_time: Vec<P> = shapes.iter().map(|Moving { open, close }| between(open, close, ray.time)).collect();
+        key(bvh.closest_hit(&ray)) != key(looped(&at_time, &ray))
+    };
+    let n_other = rays.iter().enumerate().filter(|&pair| differs(pair)).count();
+    promise.count("WideBvh quality", rays.len(), n_other)
+}
+
 /// The name of a case at a place; rows refer to it for as long as the program runs.
 pub(super) fn leaked(case: &str, place: Place) -> &'static str {
     Box::leak(format!("{case}, {}", place.name).into_boxed_str())
@@ -302,6 +326,7 @@ pub fn rows(effort: usize) -> Vec<Row> {
             let all = segments(&mut rng, place, length, radii);
             let rays = rays(&mut rng, place, &all, 300 * effort);
             rows.extend(rows_of(case, place, [&all; 2], &rays));
+            rows.push(row_of_motion("curve", case, place, &all, &rays, Moves::between));
             let ribbons: Vec<_> = all.iter().map(ribbon).collect();
             rows.extend(rows_of(leaked_ribbons(case), place, [&ribbons; 2], &rays));
         }
@@ -309,6 +334,7 @@ pub fn rows(effort: usize) -> Vec<Row> {
             let all = cubics(&mut rng, place, form, radii);
             let rays = rays(&mut rng, place, &all, 60 * effort);
             rows.extend(rows_of(case, place, [&all; 2], &rays));
+            rows.push(row_of_motion("curve", case, place, &all, &rays, Moves::between));
             let ribbons: Vec<_> = all.iter().map(cubic_ribbon).collect();
             rows.extend(rows_of(leaked_ribbons(case), place, [&ribbons; 2], &rays));
         }
@@ -316,6 +342,7 @@ pub fn rows(effort: usize) -> Vec<Row> {
         let all: Vec<Sphere> = (0..120).map(sphere).collect();
         let rays = rays(&mut rng, place, &all, 300 * effort);
         rows.extend(rows_of("spheres", place, [&all; 2], &rays));
+        rows.push(row_of_motion("curve", "spheres", place, &all, &rays, Moves::between));
     }
     rows.push(chains(effort));
     rows
@@ -335,6 +362,16 @@ mod tests {
         let rays = rays(&mut rng, PLACES[0], &all, 300);
         assert!(rows_of(case, PLACES[0], [&all; 2], &rays).iter().all(Row::holds));
         assert!(rows_of(case, PLACES[0], [&all, &thinner], &rays).iter().all(Row::is_broken));
+    }
+
+    #[test]
+    fn what_stands_still_breaks_the_promise_of_motion() {
+        let mut rng = SplitMix64::new(1);
+        let (case, length, radii) = SEGMENTS[2];
+        let all = segments(&mut rng, PLACES[0], length, radii);
+        let rays = rays(&mut rng, PLACES[0], &all, 300);
+        assert!(row_of_motion("curve", case, PLACES[0], &all, &rays, Moves::between).holds());
+        assert!(row_of_motion("curve", case, PLACES[0], &all, &rays, |open, _, _| *open).is_broken());
     }
 
     #[test]

@@ -1,11 +1,10 @@
 //! Bicubic patches at their limits: crossing themselves, folded, with collapsed edges, coincident control points, far away and tiny.
 
 use canted_fixtures::SplitMix64;
-use canted_obb::PrimId;
-use canted_trace::{BezierPatch, HIT_ERROR, Hit, InstanceId, Intersect, Ray, ScaledRay, Side};
-use canted_wide::{Preset, Primitive, SimdPath, WideBvh};
+use canted_trace::{BezierPatch, HIT_ERROR, Hit, Intersect, Ray, ScaledRay, Side};
+use canted_wide::{Moves, Preset, SimdPath, WideBvh};
 
-use super::curves::{NEAR, PLACES, Place, leaked};
+use super::curves::{NEAR, PLACES, Place, leaked, looped, row_of_motion};
 use super::{Oracle, Promise, Row, hierarchy::SAME};
 
 /// Hits from the front and from the back.
@@ -89,17 +88,6 @@ fn lines(rng: &mut SplitMix64, place: Place, all: &[BezierPatch], n: usize) -> V
     (0..n).map(line).filter(|ray| ScaledRay::new(ray).is_some()).collect()
 }
 
-/// What a loop over all patches hits first.
-fn looped(all: &[BezierPatch], ray: &Ray) -> Option<Hit> {
-    let scaled = ScaledRay::new(ray)?;
-    let one = |(i, patch): (u32, &BezierPatch)| {
-        let hit = patch.intersect(&scaled, scaled.t_max)?;
-        let t = scaled.caller_t(hit.t);
-        Some(Hit { t, u: hit.u, v: hit.v, side: hit.side, primitive: PrimId(i), instance: InstanceId(0) })
-    };
-    (0..).zip(all).filter_map(one).reduce(|first, hit| if hit.t < first.t { hit } else { first })
-}
-
 /// The distance of a hit from the point at its parameters, relative to the stated error and what the rounding of both parameters adds.
 fn off(patch: &BezierPatch, ray: &Ray, hit: &Hit) -> f64 {
     let points = patch.points.as_flattened();
@@ -168,6 +156,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             let all = patches(&mut rng, place, form);
             let rays = lines(&mut rng, place, &all, 60 * effort);
             rows.extend(rows_of(case, place, [&all; 2], &rays));
+            rows.push(row_of_motion("patch", case, place, &all, &rays, Moves::between));
         }
         rows.push(closed_row(place, effort, 0.0));
     }

@@ -2,7 +2,7 @@
 
 use canted_fixtures::SplitMix64;
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{DeviceCurve, HostBvh, Options, Source, TracedScene, block_on};
+use canted_gpu::{HostBvh, Options, Source, TracedScene, block_on};
 use canted_obb::Affine;
 use canted_tests::closed::placements;
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -10,7 +10,7 @@ use canted_trace::{Intersect, Ray, RibbonCubic, RibbonSegment, RoundCubic, Round
 use canted_wide::{Config, Moving, TriangleBvh, WideBvh};
 
 use super::gpu;
-use super::segments::{CLOUDS, Tally, across, aside, plus, unit, vector};
+use super::segments::{Tally, across, aside, of_kind, plus, unit, vector};
 use super::setup::build;
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -136,26 +136,13 @@ fn rays(rng: &mut SplitMix64, strands: &[Strand], n: usize, scale: f32) -> Vec<R
     (0..n).map(one).collect()
 }
 
-/// One kind of curves through every cloud, in one level.
-fn of_kind<P: DeviceCurve + Clone>(
-    name: &str,
-    n_rays: usize,
-    bound_scale: f64,
-    make: fn(&Strand) -> P,
-    each: &mut impl FnMut(&str, &Tally),
-) {
-    let gpu = gpu();
-    for (number, (scale, offset)) in (0..).zip(CLOUDS) {
+/// Makes a cloud of strands, and rays through it.
+fn cloud(n_rays: usize) -> impl Fn(u64, f32, [f32; 3]) -> (Vec<Strand>, Vec<Ray>) {
+    move |number, scale, offset| {
         let mut rng = SplitMix64::new(70 + number);
         let strands = strands(&mut rng, 800, scale, offset);
         let rays = rays(&mut rng, &strands, n_rays, scale);
-        let mut tally = Tally::default();
-        for config in [Config::default(), Config::default().axis_aligned()] {
-            let bvh = WideBvh::over_with(strands.iter().map(make).collect(), config).unwrap();
-            let scene = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
-            tally.certain(&gpu, &scene, &bvh, &rays, bound_scale);
-        }
-        each(&format!("{name}, scale {scale:e}, offset {offset:?}"), &tally);
+        (strands, rays)
     }
 }
 
@@ -171,17 +158,18 @@ fn moved(strand: &Strand) -> Strand {
 
 fn of_clouds(n_rays: usize, bound_scale: f64, mut each: impl FnMut(&str, &Tally)) {
     let each = &mut each;
-    of_kind("cubic curves", n_rays, bound_scale, Strand::cubic, each);
-    of_kind("ribbons", n_rays, bound_scale, Strand::ribbon, each);
-    of_kind("cubic ribbons", n_rays, bound_scale, Strand::cubic_ribbon, each);
-    let n_rays = n_rays / 4;
-    of_kind("spheres", n_rays, bound_scale, Strand::sphere, each);
-    of_kind("moving spheres", n_rays, bound_scale, |s| Moving { open: s.sphere(), close: moved(s).sphere() }, each);
-    of_kind("moving segments", n_rays, bound_scale, |s| Moving { open: s.segment(), close: moved(s).segment() }, each);
-    of_kind("moving cubics", n_rays, bound_scale, |s| Moving { open: s.cubic(), close: moved(s).cubic() }, each);
-    of_kind("moving ribbons", n_rays, bound_scale, |s| Moving { open: s.ribbon(), close: moved(s).ribbon() }, each);
+    let all = cloud(n_rays);
+    of_kind("cubic curves", &all, bound_scale, Strand::cubic, each);
+    of_kind("ribbons", &all, bound_scale, Strand::ribbon, each);
+    of_kind("cubic ribbons", &all, bound_scale, Strand::cubic_ribbon, each);
+    let few = cloud(n_rays / 4);
+    of_kind("spheres", &few, bound_scale, Strand::sphere, each);
+    of_kind("moving spheres", &few, bound_scale, |s| Moving { open: s.sphere(), close: moved(s).sphere() }, each);
+    of_kind("moving segments", &few, bound_scale, |s| Moving { open: s.segment(), close: moved(s).segment() }, each);
+    of_kind("moving cubics", &few, bound_scale, |s| Moving { open: s.cubic(), close: moved(s).cubic() }, each);
+    of_kind("moving ribbons", &few, bound_scale, |s| Moving { open: s.ribbon(), close: moved(s).ribbon() }, each);
     let moving = |s: &Strand| Moving { open: s.cubic_ribbon(), close: moved(s).cubic_ribbon() };
-    of_kind("moving cubic ribbons", n_rays, bound_scale, moving, each);
+    of_kind("moving cubic ribbons", &few, bound_scale, moving, each);
 }
 
 #[expect(clippy::print_stderr, reason = "the counts are reported")]

@@ -2,7 +2,7 @@
 
 use canted_fixtures::SplitMix64;
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{DeviceCurve, HostBvh, Options, Outcome, Source, TracedScene, block_on};
+use canted_gpu::{HostBvh, Options, Outcome, Source, TracedScene, block_on};
 use canted_obb::Affine;
 use canted_tests::closed::placements;
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -10,7 +10,7 @@ use canted_trace::{BezierPatch, Intersect, Ray, RoundCubic};
 use canted_wide::{Config, Moving, TriangleBvh, WideBvh};
 
 use super::gpu;
-use super::segments::{CLOUDS, Tally, plus, unit, vector};
+use super::segments::{Tally, of_kind, plus, unit, vector};
 use super::setup::build;
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -108,33 +108,18 @@ fn moved(sheet: &BezierPatch) -> BezierPatch {
     BezierPatch { points: sheet.points.map(|row| row.map(|p| plus(p, 1.0, away))) }
 }
 
-/// One kind through every cloud, in one level.
-fn of_kind<P: DeviceCurve + Clone>(
-    name: &str,
-    n_rays: usize,
-    bound_scale: f64,
-    make: fn(&BezierPatch) -> P,
-    each: &mut impl FnMut(&str, &Tally),
-) {
-    let gpu = gpu();
-    for (number, (scale, offset)) in (0..).zip(CLOUDS) {
-        let mut rng = SplitMix64::new(170 + number);
-        let sheets = sheets(&mut rng, 480, scale, offset);
-        let rays = rays(&mut rng, &sheets, n_rays, scale);
-        let mut tally = Tally::default();
-        for config in [Config::default(), Config::default().axis_aligned()] {
-            let bvh = WideBvh::over_with(sheets.iter().map(make).collect(), config).unwrap();
-            let scene = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
-            tally.certain(&gpu, &scene, &bvh, &rays, bound_scale);
-        }
-        each(&format!("{name}, scale {scale:e}, offset {offset:?}"), &tally);
-    }
-}
-
 fn of_clouds(n_rays: usize, bound_scale: f64, mut each: impl FnMut(&str, &Tally)) {
-    of_kind("patches", n_rays, bound_scale, Clone::clone, &mut each);
+    let cloud = |n_rays| {
+        move |number, scale, offset| {
+            let mut rng = SplitMix64::new(170 + number);
+            let sheets = sheets(&mut rng, 480, scale, offset);
+            let rays = rays(&mut rng, &sheets, n_rays, scale);
+            (sheets, rays)
+        }
+    };
+    of_kind("patches", cloud(n_rays), bound_scale, Clone::clone, &mut each);
     let moving = |sheet: &BezierPatch| Moving { open: *sheet, close: moved(sheet) };
-    of_kind("moving patches", n_rays / 4, bound_scale, moving, &mut each);
+    of_kind("moving patches", cloud(n_rays / 4), bound_scale, moving, &mut each);
 }
 
 #[expect(clippy::print_stderr, reason = "the counts are reported")]

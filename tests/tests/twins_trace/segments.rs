@@ -2,7 +2,7 @@
 
 use canted_fixtures::SplitMix64;
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, Limits, Options, Outcome, Source, TracedScene, block_on};
+use canted_gpu::{DeviceCurve, DeviceHit, DeviceRay, Gpu, Limits, Options, Outcome, Source, TracedScene, block_on};
 use canted_obb::Affine;
 use canted_tests::closed::placements;
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -194,7 +194,7 @@ impl Tally {
 }
 
 /// Scales and offsets of clouds of segments.
-pub(super) const CLOUDS: [(f32, [f32; 3]); 6] = [
+const CLOUDS: [(f32, [f32; 3]); 6] = [
     (1.0, [0.0; 3]),
     (1e-6, [0.0; 3]),
     (1e6, [0.0; 3]),
@@ -202,6 +202,27 @@ pub(super) const CLOUDS: [(f32, [f32; 3]); 6] = [
     (1e3, [1e7, 0.0, -1e7]),
     (1.0, [1e7, 0.0, -1e7]),
 ];
+
+/// One kind of primitives through every cloud, in one level; `cloud` makes the shapes of a number, a scale and an offset, and rays through them.
+pub(super) fn of_kind<S, P: DeviceCurve + Clone>(
+    name: &str,
+    cloud: impl Fn(u64, f32, [f32; 3]) -> (Vec<S>, Vec<Ray>),
+    bound_scale: f64,
+    make: fn(&S) -> P,
+    each: &mut impl FnMut(&str, &Tally),
+) {
+    let gpu = gpu();
+    for (number, (scale, offset)) in (0..).zip(CLOUDS) {
+        let (shapes, rays) = cloud(number, scale, offset);
+        let mut tally = Tally::default();
+        for config in [Config::default(), Config::default().axis_aligned()] {
+            let bvh = WideBvh::over_with(shapes.iter().map(make).collect(), config).unwrap();
+            let scene = block_on(TracedScene::new(&gpu, Source::wide(&bvh), Options::default())).unwrap();
+            tally.certain(&gpu, &scene, &bvh, &rays, bound_scale);
+        }
+        each(&format!("{name}, scale {scale:e}, offset {offset:?}"), &tally);
+    }
+}
 
 /// All classes of rays through every cloud, in one level.
 fn of_clouds(n_rays: usize, bound_scale: f64, mut each: impl FnMut(&str, &Tally)) {
