@@ -146,8 +146,11 @@ impl<S: Simd, P: Primitive, T: Test> Leaves<'_, S, P, T> {
         let mut rows = [simd.splat(0.0); 8];
         let mut reached = match P::BALL {
             Some(ball) => {
-                for (row, id) in rows.iter_mut().zip(ids) {
-                    *row = simd.load_half(&numbers_of_ball(&ball(&self.primitives[id.index()])));
+                // Always eight: a loop of unknown length takes longer, but for the wider rows of segments.
+                let last = ids.len() - 1;
+                for (k, row) in rows.iter_mut().enumerate() {
+                    let primitive = &self.primitives[ids[last.min(k)].index()];
+                    *row = simd.load_half(&numbers_of_ball(&ball(primitive)));
                 }
                 let [x, y, z, radius, ..] = simd.transpose(rows);
                 self.line.near_balls(simd, [x, y, z, radius], t_max)
