@@ -175,7 +175,7 @@ pub(super) fn check_motion(scene: &Scene, camera: &Camera) {
         }
     }
     difference(&on_device(&still), &theirs).check_detects("points that stand still");
-    let (mut all, _) = scenes::in_motion((scene.clone(), camera.clone()));
+    let (mut all, _) = scenes::in_motion((scene.clone(), *camera));
     let moves = |instance: &Instance| scene.meshes[instance.mesh.0 as usize].close.is_some();
     for instance in all.instances.iter_mut().filter(|instance| moves(instance)) {
         let mut close = instance.world_from_object;
