@@ -127,6 +127,40 @@ impl WideBvh<Aabb> {
     }
 }
 
+/// # Without boxes
+/// Traversals of boxes read nodes alone. What changes of a BVH need besides, the boxes themselves, may be taken out until then.
+impl WideBvh<Aabb> {
+    /// Takes the boxes out. Until [`WideBvh::put_boxes`], only `traverse_scaled`, `traverse_prepared`, `ids_in`, `ids_near` and `each_box`
+    /// may be called, and what tells sizes.
+    #[doc(hidden)]
+    pub fn take_boxes(&mut self) -> Vec<Aabb> {
+        std::mem::take(&mut self.leaves.primitives)
+    }
+
+    /// Puts back the boxes that were taken out.
+    ///
+    /// # Panics
+    /// If it is another number of boxes.
+    #[doc(hidden)]
+    pub fn put_boxes(&mut self, boxes: Vec<Aabb>) {
+        assert_eq!(boxes.len(), self.n_primitives, "a box for each number");
+        self.leaves.primitives = boxes;
+    }
+
+    /// [`WideBvh::visit_in`] without the boxes.
+    #[doc(hidden)]
+    pub fn ids_in(&self, aabb: &Aabb, mut visit: impl FnMut(PrimId) -> ControlFlow<()>) {
+        let ids = |leaf: LeafRange| &self.leaves.order[leaf.first as usize..(leaf.first + leaf.n) as usize];
+        self.leaves_in(aabb, |leaf| ids(leaf).iter().try_for_each(|&id| visit(id)));
+    }
+
+    /// [`WideBvh::visit_near`] without the boxes.
+    #[doc(hidden)]
+    pub fn ids_near(&self, point: [f32; 3], bound: f64, mut visit: impl FnMut(PrimId) -> f64) {
+        self.leaves_near(point, bound, &mut |leaf, place, _| visit(self.leaves.order[(leaf.first + place) as usize]));
+    }
+}
+
 /// Greatest relative error of rays that are prepared together: its products with origins are finite.
 const GREATEST_ERROR: f64 = (1_u64 << 32) as f64;
 
