@@ -47,6 +47,12 @@ impl<B: Intersect> Tlas<B> {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn edit(&mut self) -> TlasEdit<'_, B> {
+        // Before a BVH is another one.
+        self.bounds_of_instances();
+        self.placements.each();
+        if let Some(bounds) = self.bounds.get() {
+            self.top.prepare_changes(bounds);
+        }
         TlasEdit { tlas: self, changed: vec![] }
     }
 
@@ -144,15 +150,21 @@ impl<B: Intersect> Tlas<B> {
         self.drift() > canted_wide::Refit::MAX_DRIFT
     }
 
+    /// The bounds of all instances, which an edit starts with.
+    fn known_bounds(&mut self) -> &mut Vec<Bounds> {
+        self.bounds_of_instances();
+        self.bounds.get_mut().expect("they were found")
+    }
+
     /// The instances of a BVH.
     fn users(&mut self, index: u32) -> Vec<InstanceId> {
-        self.users.get_or_insert_with(|| Users::new(self.blas.len(), &self.placements)).of(index)
+        self.users.get_or_insert_with(|| Users::new(self.blas.len(), self.placements.each())).of(index)
     }
 
     /// Hides instances until they are placed again.
     fn hide(&mut self, instances: &[InstanceId]) {
         for id in instances {
-            let placement = &mut self.placements[id.index()];
+            let placement = &mut self.placements.each()[id.index()];
             placement.map = ObjectMap::hidden(&placement.map.world_from_object());
         }
     }
@@ -184,8 +196,8 @@ impl<B: Intersect> TlasEdit<'_, B> {
         let placed = tlas.place(index, &instance)?;
         if tlas.removed.pop().is_none() {
             let Placed { placement, bounds, obb, .. } = Placed::hidden(&Instance::REMOVED);
-            tlas.placements.push(placement);
-            tlas.bounds.push(bounds);
+            tlas.placements.each().push(placement);
+            tlas.known_bounds().push(bounds);
             if matches!(tlas.config, TopConfig::Other(_)) {
                 tlas.obbs.push(obb);
             }
@@ -226,7 +238,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
     /// An instance that does not exist.
     pub fn set_mask(&mut self, instance: InstanceId, mask: u32) -> Result<(), InstanceError> {
         let old = self.instance(instance)?;
-        let placement = &mut self.tlas.placements[instance.index()];
+        let placement = &mut self.tlas.placements.each()[instance.index()];
         if placement.map.is_hidden() {
             return self.set_instance(instance, old.with_mask(mask));
         }
@@ -344,7 +356,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
         let tlas = &mut *self.tlas;
         tlas.bottom_stack_len = deepest(&tlas.blas);
         // A topology that cannot be indexed leaves the old one, refitted.
-        if let Ok(top) = Top::build(&tlas.bounds, &tlas.obbs, &tlas.config, tlas.path) {
+        if let Ok(top) = Top::build(tlas.bounds_of_instances(), &tlas.obbs, &tlas.config, tlas.path) {
             tlas.top = top;
             self.changed.clear();
         }
@@ -384,19 +396,21 @@ impl<B: Intersect> TlasEdit<'_, B> {
 
     fn commit(&mut self, index: usize, Placed { placement, moving, bounds, obb }: Placed) {
         let tlas = &mut *self.tlas;
-        if tlas.bounds[index] != bounds || tlas.obbs.get(index).is_some_and(|known| *known != obb) {
-            self.changed.push((index as u32, tlas.bounds[index]));
+        let old = tlas.bounds_of_instances()[index];
+        if old != bounds || tlas.obbs.get(index).is_some_and(|known| *known != obb) {
+            self.changed.push((index as u32, old));
         }
+        let placements = tlas.placements.each();
         if let Some(users) = &mut tlas.users {
-            users.change(index as u32, tlas.placements[index].blas, placement.blas);
+            users.change(index as u32, placements[index].blas, placement.blas);
         }
-        tlas.placements[index] = placement;
-        tlas.bounds[index] = bounds;
+        placements[index] = placement;
+        tlas.known_bounds()[index] = bounds;
         if let Some(known) = tlas.obbs.get_mut(index) {
             *known = obb;
         }
         if moving.is_some() && tlas.moving.len() <= index {
-            tlas.moving.resize_with(tlas.placements.len(), || None);
+            tlas.moving.resize_with(tlas.placements.n(), || None);
         }
         if let Some(known) = tlas.moving.get_mut(index) {
             *known = moving;
@@ -408,6 +422,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
 impl<B: Intersect> Drop for TlasEdit<'_, B> {
     fn drop(&mut self) {
         let Tlas { top, bounds, obbs, config, path, .. } = &mut *self.tlas;
+        let bounds = bounds.get().map_or(&[][..], Vec::as_slice);
         top.update(&self.changed, (bounds, obbs), config, *path);
     }
 }

@@ -21,11 +21,12 @@ pub type InstancePrimitive = (InstanceId, PrimId);
 
 impl<B: Intersect> Tlas<B> {
     /// The box around an instance, world space, at all times while the shutter is open; `None` for one that cannot be hit: it is removed or hidden by its mask or a scale by
-    /// zero, or its BVH is empty.
+    /// zero, or its BVH is empty. The first call, of this or of another query about places, finds the bounds of all instances, which take 48 bytes each.
     #[must_use]
     pub fn instance_bounds(&self, instance: InstanceId) -> Option<Aabb> {
-        let bounds = self.bounds.get(instance.0 as usize)?;
-        let placement = &self.placements[instance.index()];
+        let bounds = self.bounds_of_instances().get(instance.0 as usize)?;
+        let mut made = None;
+        let placement = self.placements.of(instance.index(), &mut made);
         (placement.mask != 0 && !placement.map.is_hidden() && !bounds.is_empty()).then_some(bounds.aabb)
     }
 
@@ -39,7 +40,7 @@ impl<B: Intersect> Tlas<B> {
             if self.instance_bounds(InstanceId(number)).is_none() {
                 return ControlFlow::Continue(());
             }
-            let own = self.bounds[number as usize].grown(ReferencePoint::ORIGIN);
+            let own = self.bounds_of_instances()[number as usize].grown(ReferencePoint::ORIGIN);
             let is_near = (0..3).all(|k| own.min[k] <= aabb.max[k] && aabb.min[k] <= own.max[k]);
             if is_near { visit(InstanceId(number)) } else { ControlFlow::Continue(()) }
         });
@@ -101,7 +102,8 @@ impl<B: Intersect> Tlas<B> {
     /// An instance that rays may see, where it is as the shutter opens.
     pub(crate) fn placed(&self, instance: InstanceId) -> Option<Placed<'_, B>> {
         let aabb = self.instance_bounds(instance)?;
-        let given = &self.placements[instance.index()];
+        let mut made = None;
+        let given = self.placements.of(instance.index(), &mut made);
         let columns = given.map.world_from_object().columns.map(to_f64);
         let blas = &self.blas[given.blas as usize];
         Some(Placed { instance, index: given.blas, blas, inverse: invert(&columns), columns, aabb })

@@ -1,3 +1,4 @@
+use canted_lbvh::par;
 use canted_obb::round::{down, up};
 use canted_obb::{Aabb, Affine, Obb, vector};
 use canted_trace::{Intersect, ObjectMap, ReferencePoint};
@@ -113,6 +114,58 @@ pub(crate) struct Placement {
 }
 
 const _: () = assert!(size_of::<Placement>() == 64);
+
+/// Of all instances.
+#[derive(Clone, Debug)]
+pub(crate) enum Placements {
+    Each(Vec<Placement>),
+    /// Static instances of the first BVH that every ray sees: the rows of their maps, each with its translation last.
+    Copies(Vec<[[f32; 4]; 3]>),
+}
+
+impl Placements {
+    pub(crate) fn n(&self) -> usize {
+        match self {
+            Self::Each(all) => all.len(),
+            Self::Copies(all) => all.len(),
+        }
+    }
+
+    pub(crate) fn n_bytes(&self) -> usize {
+        match self {
+            Self::Each(all) => size_of_val(&all[..]),
+            Self::Copies(all) => size_of_val(&all[..]),
+        }
+    }
+
+    /// The placement of an instance; `made` holds it where it is not stored.
+    #[inline(always)]
+    pub(crate) fn of<'a>(&'a self, index: usize, made: &'a mut Option<Placement>) -> &'a Placement {
+        match self {
+            Self::Each(all) => &all[index],
+            Self::Copies(all) => made.insert(of_copy(&all[index])),
+        }
+    }
+
+    /// All of them, stored.
+    pub(crate) fn each(&mut self) -> &mut Vec<Placement> {
+        if let Self::Copies(all) = self {
+            *self = Self::Each(par::from_fn(all.len(), JOB, |i| of_copy(&all[i])));
+        }
+        match self {
+            Self::Each(all) => all,
+            Self::Copies(_) => unreachable!("they are stored"),
+        }
+    }
+}
+
+/// The placement of an instance that takes only a map: the bits of [`Placed`].
+#[inline(always)]
+fn of_copy(rows: &[[f32; 4]; 3]) -> Placement {
+    let map = Affine::from_rows(*rows);
+    let is_zero = map.columns[..3].as_flattened().iter().all(|&x| x == 0.0);
+    Placement { map: if is_zero { ObjectMap::hidden(&map) } else { ObjectMap::new(&map) }, blas: 0, mask: u32::MAX }
+}
 
 /// What is known of an instance with a second transform.
 #[derive(Clone, Debug)]

@@ -184,7 +184,8 @@ impl<B: Intersect> Tlas<B> {
         // With its scaled `t`, which is exact.
         let mut best: Option<(f64, Hit)> = None;
         let n_boxes = traverse(&mut |instance, t_max| {
-            let Some((blas, placement)) = self.seen(instance, ray) else { return t_max };
+            let mut made = None;
+            let Some((blas, placement)) = self.seen(instance, ray, &mut made) else { return t_max };
             let limit = best.map_or(ray.t_max, |(t, _)| t);
             let found = match self.motion(instance) {
                 None => {
@@ -218,7 +219,8 @@ impl<B: Intersect> Tlas<B> {
     ) -> bool {
         let mut found = false;
         let n_boxes = traverse(&mut |instance, t_max| {
-            let Some((blas, placement)) = self.seen(instance, ray) else { return t_max };
+            let mut made = None;
+            let Some((blas, placement)) = self.seen(instance, ray, &mut made) else { return t_max };
             found = match self.motion(instance) {
                 None => {
                     let ray = PlacedRay { world: ray, map: &placement.map, t_max: ray.t_max };
@@ -234,10 +236,15 @@ impl<B: Intersect> Tlas<B> {
         found
     }
 
-    /// The BVH of an instance and its placement; `None` if the ray does not see it.
+    /// The BVH of an instance and its placement, which `made` holds where it is not stored; `None` if the ray does not see it.
     #[inline(always)]
-    fn seen(&self, instance: InstanceId, ray: &WorldRay) -> Option<(&B, &Placement)> {
-        let placement = &self.placements[instance.index()];
+    fn seen<'a>(
+        &'a self,
+        instance: InstanceId,
+        ray: &WorldRay,
+        made: &'a mut Option<Placement>,
+    ) -> Option<(&'a B, &'a Placement)> {
+        let placement = self.placements.of(instance.index(), made);
         if placement.mask & ray.ray.mask == 0 || placement.map.is_hidden() {
             return None;
         }
@@ -252,7 +259,9 @@ impl<B: Intersect> Tlas<B> {
 
     /// The BVH of an instance, and the ray in its object space; `None` if the ray does not see it.
     fn enter(&self, instance: InstanceId, ray: &WorldRay) -> Option<(&B, ObjectRay)> {
-        let (blas, placement) = self.seen(instance, ray)?;
+        let mut made = None;
+        let (_, placement) = self.seen(instance, ray, &mut made)?;
+        let blas = &self.blas[placement.blas as usize];
         let object = match self.motion(instance) {
             None => PlacedRay { world: ray, map: &placement.map, t_max: ray.t_max }.object(),
             Some(motion) => motion.ray_object(ray, ray.t_max),

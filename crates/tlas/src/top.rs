@@ -154,6 +154,27 @@ impl Top {
         Self { classes: self.classes.into_iter().map(|class| class.with_path(path)).collect(), ..self }
     }
 
+    /// Takes out what rays do not read; [`Top::prepare_changes`] puts it back.
+    pub(crate) fn for_rays(mut self) -> Self {
+        for class in &mut self.classes {
+            if let Bvh::Wide(bvh) = &mut class.bvh {
+                bvh.take_boxes();
+            }
+        }
+        self
+    }
+
+    /// Makes what changes need; `bounds` are those of the build.
+    pub(crate) fn prepare_changes(&mut self, bounds: &[Bounds]) {
+        for class in &mut self.classes {
+            let boxes = match &class.bvh {
+                Bvh::Wide(bvh) if bvh.primitives().is_empty() => grown_aabbs(&class.members(bounds), self.reference),
+                _ => continue,
+            };
+            class.wide().put_boxes(boxes);
+        }
+    }
+
     /// Box around all instances; empty for none.
     pub(crate) fn aabb(&self) -> Aabb {
         self.boxes[0]
@@ -625,7 +646,7 @@ impl Class {
     fn each_in(&self, aabb: &Aabb, visit: &mut dyn FnMut(u32) -> ControlFlow<()>) -> ControlFlow<()> {
         let mut flow = ControlFlow::Continue(());
         match &self.bvh {
-            Bvh::Wide(bvh) => bvh.visit_in(aabb, |PrimId(number), _| {
+            Bvh::Wide(bvh) => bvh.ids_in(aabb, |PrimId(number)| {
                 flow = visit(self.id(number));
                 flow
             }),
@@ -642,7 +663,7 @@ impl Class {
                 // The search is around the rounded point; the difference has a rounding itself.
                 let moved = length(sub(point, to_f64(rounded))) + 4.0 * f64::EPSILON * reach(point);
                 let bound = |limit: f64| (limit + moved) * (limit + moved) * (1.0 + 16.0 * f64::EPSILON);
-                bvh.visit_near(rounded, bound(limit), |PrimId(number), _, _| {
+                bvh.ids_near(rounded, bound(limit), |PrimId(number)| {
                     limit = visit(self.id(number), limit);
                     bound(limit)
                 });

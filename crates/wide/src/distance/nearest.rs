@@ -178,12 +178,16 @@ impl<P: LeafPrimitive> WideBvh<P> {
     /// Calls `visit` with every primitive that may be nearer to `point` than a bound, a squared distance, and with the bound; it returns the
     /// new one. Nearer nodes come first; a primitive may come twice. Nothing is near a point that is not finite.
     pub fn visit_near(&self, point: [f32; 3], bound: f64, mut visit: impl FnMut(PrimId, &P::Shape, f64) -> f64) {
+        self.leaves_near(point, bound, &mut |leaf, place, bound| {
+            P::with_shape(&self.leaves, leaf, place, |primitive, shape| visit(primitive, shape, bound))
+        });
+    }
+
+    /// The same with the leaf and the place there of each primitive.
+    pub(crate) fn leaves_near(&self, point: [f32; 3], bound: f64, leaf: &mut dyn FnMut(LeafRange, u32, f64) -> f64) {
         let (path, nodes, frame) = (self.path, &self.nodes, &self.frame);
         if point.iter().all(|x| x.is_finite()) {
             with_stack(nodes.stack_len(), |stack| {
-                let leaf = &mut |leaf, place, bound| {
-                    P::with_shape(&self.leaves, leaf, place, |primitive, shape| visit(primitive, shape, bound))
-                };
                 let blocks = P::leaf_data(&self.leaves).blocks;
                 // An empty slice need not be aligned.
                 let halves: &[HalfBlock] = if blocks.is_empty() { &[] } else { bytemuck::cast_slice(blocks) };

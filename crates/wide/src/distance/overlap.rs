@@ -97,6 +97,19 @@ impl<P: LeafPrimitive> WideBvh<P> {
     /// Calls `visit` with each primitive whose bounds may share a point with a box, in any order, and with its shape, until it breaks. Others may come, too,
     /// and one may come twice.
     pub fn visit_in(&self, aabb: &Aabb, mut visit: impl FnMut(PrimId, &P::Shape) -> ControlFlow<()>) {
+        self.leaves_in(aabb, |leaf| {
+            let mut flow = ControlFlow::Continue(());
+            P::for_each_shape(&self.leaves, leaf, |primitive, shape| {
+                if flow.is_continue() {
+                    flow = visit(primitive, shape);
+                }
+            });
+            flow
+        });
+    }
+
+    /// Calls `visit` with the leaves whose boxes may share a point with a box, until it breaks.
+    pub(crate) fn leaves_in(&self, aabb: &Aabb, mut visit: impl FnMut(LeafRange) -> ControlFlow<()>) {
         let region = Convex::from_aabb(aabb.min, aabb.max);
         let reference = to_f64(self.frame.reference.point());
         let mut waiting = if region.magnitude().is_finite() { vec![self.nodes.root] } else { vec![] };
@@ -108,13 +121,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
             match word.kind() {
                 DecodedWord::Empty => {}
                 DecodedWord::Leaf { first, n } => {
-                    let mut flow = ControlFlow::Continue(());
-                    P::for_each_shape(&self.leaves, LeafRange::new(first, n), |primitive, shape| {
-                        if flow.is_continue() {
-                            flow = visit(primitive, shape);
-                        }
-                    });
-                    if flow.is_break() {
+                    if visit(LeafRange::new(first, n)).is_break() {
                         return;
                     }
                 }

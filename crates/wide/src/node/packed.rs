@@ -39,10 +39,53 @@ impl Nodes {
         }
         let has_oriented = self.has_oriented;
         let mut nodes = Self { lines: lines.into(), root, depth, has_oriented, pieces: vec![], links: None };
-        let (n_lines, n_places, layout) = (nodes.lines.len(), places.len(), &LeafLayout::IDS);
-        let hierarchy = Hierarchy::of(&nodes, n_places, layout).expect("all records were reached once");
+        let hierarchy = nodes.find_pieces(&LeafLayout::IDS, places.len());
         nodes.has_oriented = hierarchy.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
-        nodes.pieces = subtrees_of(&hierarchy, layout, nodes.root, n_lines, n_places);
         Some((nodes, places))
+    }
+
+    /// Finds the pieces of records that are all reached once.
+    pub(crate) fn find_pieces(&mut self, layout: &LeafLayout, n_units: usize) -> Hierarchy {
+        let hierarchy = Hierarchy::of(self, n_units, layout).expect("all records were reached once");
+        self.pieces = subtrees_of(&hierarchy, layout, self.root, self.lines.len(), n_units);
+        hierarchy
+    }
+
+    /// The first part and the number of primitives of each leaf.
+    pub(crate) fn leaf_words(&self) -> impl Iterator<Item = (u32, u32)> {
+        let mut open = vec![self.root];
+        std::iter::from_fn(move || {
+            while let Some(word) = open.pop() {
+                match word.kind() {
+                    DecodedWord::Empty => {}
+                    DecodedWord::Leaf { first, n } => return Some((first, n)),
+                    DecodedWord::Node(kind, line) => {
+                        open.extend(super::node_words(&self.lines, kind, line).iter().rev())
+                    }
+                }
+            }
+            None
+        })
+    }
+
+    /// Gives each leaf another first part, in the order of a traversal.
+    pub(crate) fn rename_leaves(&mut self, mut name: impl FnMut(usize) -> usize) {
+        let mut open = vec![(self.root, None)];
+        while let Some((word, slot)) = open.pop() {
+            match word.kind() {
+                DecodedWord::Empty => {}
+                DecodedWord::Leaf { first, n } => {
+                    let renamed = ChildWord::leaf(name(first as usize), n as usize);
+                    match slot {
+                        None => self.root = renamed,
+                        Some((kind, line, i)) => super::set_word(&mut self.lines, kind, line, i, renamed),
+                    }
+                }
+                DecodedWord::Node(kind, line) => {
+                    let words = super::node_words(&self.lines, kind, line).iter().enumerate().rev();
+                    open.extend(words.map(|(i, &word)| (word, Some((kind, line as usize, i)))));
+                }
+            }
+        }
     }
 }

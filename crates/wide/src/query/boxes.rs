@@ -8,7 +8,7 @@ use canted_trace::{Ray, ReferencePoint, ScaledRay, with_stack};
 use super::sink::Visits;
 use crate::bvh::WideBvh;
 use crate::leaf::{Primitive, is_filtered};
-use crate::node::{NodeKind, Nodes};
+use crate::node::{LeafLayout, NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
 use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayLanes, RayNumbers, TracedRay, Visitor, walk};
 
@@ -124,6 +124,60 @@ impl WideBvh<Aabb> {
         visit: &mut dyn FnMut(PrimId, f32) -> f32,
     ) -> u32 {
         self.path.run(TraversePrepared { bvh: self, prepared, i, t_max, order, stack, visit }).n_boxes()
+    }
+}
+
+/// # Without boxes
+/// Traversals of boxes read nodes alone. What changes of a BVH need besides, the boxes themselves, may be taken out until then.
+impl WideBvh<Aabb> {
+    /// Takes the boxes out. Until [`WideBvh::put_boxes`], only `traverse_scaled`, `traverse_prepared`, `ids_in`, `ids_near` and `each_box`
+    /// may be called, and what tells sizes.
+    #[doc(hidden)]
+    pub fn take_boxes(&mut self) -> Vec<Aabb> {
+        // Where each leaf has one box, its word names that instead of its place.
+        if self.nodes.leaf_words().all(|(_, n)| n == 1) {
+            let order = std::mem::take(&mut self.leaves.order);
+            self.nodes.rename_leaves(|first| order[first].index());
+        }
+        std::mem::take(&mut self.leaves.primitives)
+    }
+
+    /// Puts back the boxes that were taken out.
+    ///
+    /// # Panics
+    /// If it is another number of boxes.
+    #[doc(hidden)]
+    pub fn put_boxes(&mut self, boxes: Vec<Aabb>) {
+        assert_eq!(boxes.len(), self.n_primitives, "a box for each number");
+        if self.leaves.order.len() < boxes.len() {
+            let order = &mut self.leaves.order;
+            self.nodes.rename_leaves(|id| {
+                order.push(PrimId(id as u32));
+                order.len() - 1
+            });
+            self.nodes.find_pieces(&LeafLayout::IDS, self.leaves.order.len());
+        }
+        self.leaves.primitives = boxes;
+    }
+
+    /// The ids in a leaf.
+    fn ids(&self, leaf: LeafRange) -> impl Iterator<Item = PrimId> {
+        let order = &self.leaves.order;
+        (leaf.first..leaf.first + leaf.n).map(|place| order.get(place as usize).copied().unwrap_or(PrimId(place)))
+    }
+
+    /// [`WideBvh::visit_in`] without the boxes.
+    #[doc(hidden)]
+    pub fn ids_in(&self, aabb: &Aabb, mut visit: impl FnMut(PrimId) -> ControlFlow<()>) {
+        self.leaves_in(aabb, |leaf| self.ids(leaf).try_for_each(&mut visit));
+    }
+
+    /// [`WideBvh::visit_near`] without the boxes.
+    #[doc(hidden)]
+    pub fn ids_near(&self, point: [f32; 3], bound: f64, mut visit: impl FnMut(PrimId) -> f64) {
+        self.leaves_near(point, bound, &mut |leaf, place, bound| {
+            self.ids(leaf).nth(place as usize).map_or(bound, &mut visit)
+        });
     }
 }
 
@@ -261,6 +315,10 @@ impl Visitor for CalledForIds<'_> {
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
+        if self.ids.is_empty() {
+            // The boxes are taken out.
+            return (self.visit)(PrimId(first), t_max);
+        }
         visit_each(&self.ids[first as usize..(first + n) as usize], t_max, self.visit)
     }
 

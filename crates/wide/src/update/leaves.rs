@@ -2,9 +2,11 @@
 
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId, flat_as_edge};
+use canted_trace::ReferencePoint;
 
+use super::extremes::{Extremes, REACH};
 use super::points::{LANES, Points};
-use super::subtree::LeafState;
+use super::subtree::{LeafSlots, LeafStates};
 use crate::build::item::{self, Item};
 use crate::leaf::{Placed, Primitive};
 use crate::node::{Content, HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
@@ -17,188 +19,322 @@ pub(super) struct MovedTriangles<'a> {
     pub(super) triangles: &'a [[u32; 3]],
     /// Before and after the motion.
     pub(super) frames: [MeshFrame; 2],
+    pub(super) path: AvailablePath,
 }
 
 impl MovedTriangles<'_> {
-    /// The leaf before the motion.
-    pub(super) fn before(&self, units: &[HalfBlock], first: usize, n: usize, points: Option<&mut Points>) -> LeafState {
-        let words: &[u32] = bytemuck::cast_slice(&units[first / PARTS..]);
-        let mut leaf = GrowingTriangles::new(self.frames[0], points);
-        for done in (0..n).step_by(LANES) {
-            let mut eight = Eight { rows: [[0.0; LANES]; 9], n: (n - done).min(LANES) };
-            for lane in 0..eight.n {
-                eight.set(lane, triangle_of(words, first % PARTS, n, done + lane));
-            }
-            eight.fill();
-            leaf.add(&eight);
-        }
-        leaf.state((0..n).map(|i| triangle_of(words, first % PARTS, n, i)))
+    /// The leaves before the motion.
+    pub(super) fn before(&self, units: &[HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>) {
+        self.path.run(Stored { words: bytemuck::cast_slice(units), frame: &self.frames[0], leaves, states });
     }
 
-    /// The leaf after the motion, which is written.
-    pub(super) fn after(
-        &self,
-        path: AvailablePath,
-        units: &mut [HalfBlock],
-        first: usize,
-        n: usize,
-        points: Option<&mut Points>,
-    ) -> LeafState {
-        path.run(MovedLeaf { triangles: self, units, first, n, points })
-    }
-
-    #[inline(always)]
-    fn after_on_path<S: Simd>(
-        &self,
-        simd: S,
-        units: &mut [HalfBlock],
-        first: usize,
-        n: usize,
-        points: Option<&mut Points>,
-    ) -> LeafState {
-        let (first, part) = (first / PARTS, first % PARTS);
-        let mut leaf = GrowingTriangles::new(self.frames[1], points);
-        let words: &mut [u32] = bytemuck::cast_slice_mut(&mut units[first..]);
-        let (mut rest, mut done) = (words, 0);
-        // Blocks of eight precede a last block of four.
-        while n - done > 4 {
-            let (block, after) = rest.split_at_mut(2 * HALF_BLOCK_WORDS);
-            self.replace::<8, S>(simd, block, 0, (n - done).min(8), &mut leaf);
-            (rest, done) = (after, done + 8.min(n - done));
-        }
-        if done < n {
-            self.replace::<4, S>(simd, &mut rest[..HALF_BLOCK_WORDS], part * PART_LANES, n - done, &mut leaf);
-        }
-        let words: &[u32] = bytemuck::cast_slice(&units[first..]);
-        leaf.state((0..n).map(|i| triangle_of(words, part, n, i)))
+    /// The leaves after the motion, which are written.
+    pub(super) fn after(&self, units: &mut [HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>) {
+        self.path.run(Moved { triangles: self, words: bytemuck::cast_slice_mut(units), leaves, states });
     }
 }
 
-/// A leaf of triangles that have moved.
-struct MovedLeaf<'a, 'b> {
+/// Reads leaves as they are.
+struct Stored<'a> {
+    words: &'a [u32],
+    frame: &'a MeshFrame,
+    leaves: &'a [LeafSlots],
+    states: &'a mut LeafStates<Points>,
+}
+
+impl Task for Stored<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(mut self, simd: S) {
+        let mut batch = Batch::new();
+        while batch.take(&mut self.leaves) {
+            batch.read(self.words);
+            batch.measure(simd);
+            batch.add_to(simd, self.states, self.frame);
+        }
+    }
+}
+
+/// Replaces the triangles of leaves.
+struct Moved<'a> {
     triangles: &'a MovedTriangles<'a>,
-    units: &'b mut [HalfBlock],
-    first: usize,
+    words: &'a mut [u32],
+    leaves: &'a [LeafSlots],
+    states: &'a mut LeafStates<Points>,
+}
+
+impl Task for Moved<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(mut self, simd: S) {
+        let mut batch = Batch::new();
+        while batch.take(&mut self.leaves) {
+            batch.gather(self.words, self.triangles);
+            batch.store_flat_as_edges(simd);
+            batch.measure(simd);
+            batch.write(simd, self.words);
+            batch.add_to(simd, self.states, &self.triangles.frames[1]);
+        }
+    }
+}
+
+/// Most triangles of a batch, a multiple of [`LANES`]. Not a power of two: rows would then be the same part of a cache.
+const BATCH: usize = 120;
+
+/// Up to eight triangles of a leaf in one block: the first word, the words of a row, and their number.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lanes {
+    word: usize,
+    width: usize,
     n: usize,
-    points: Option<&'b mut Points>,
 }
 
-impl Task for MovedLeaf<'_, '_> {
-    type Output = LeafState;
+/// The triangles of several leaves. Each step is done for all of them, so that the processor reads memory for many at once.
+struct Batch<'a> {
+    leaves: &'a [LeafSlots],
+    blocks: Vec<Lanes>,
+    n: usize,
+    triangles: [[u32; 3]; BATCH],
+    /// Coordinates of the three vertices.
+    rows: [[f32; BATCH]; 9],
+    /// Of each triangle as given; in the last place twice its area.
+    boxes: [Extremes; BATCH],
+}
 
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) -> LeafState {
-        self.triangles.after_on_path(simd, self.units, self.first, self.n, self.points)
+impl<'a> Batch<'a> {
+    fn new() -> Self {
+        let (triangles, rows, boxes) = ([[0; 3]; BATCH], [[0.0; BATCH]; 9], [Extremes::EMPTY; BATCH]);
+        Self { leaves: &[], blocks: Vec::with_capacity(BATCH), n: 0, triangles, rows, boxes }
     }
-}
 
-/// Triangle `i` of a leaf of `n`, whose words start with its first half-block.
-fn triangle_of(words: &[u32], part: usize, n: usize, i: usize) -> Corners {
-    let lane = LaneWords::of(i, n, part);
-    let mut corners = Corners::default();
-    for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
-        *x = f32::from_bits(words[lane.word(row)]);
-    }
-    corners
-}
-
-impl MovedTriangles<'_> {
-    /// Replaces `n` triangles from a lane of a block on, whose rows have `WIDTH` words.
-    #[inline(always)]
-    fn replace<const WIDTH: usize, S: Simd>(
-        &self,
-        simd: S,
-        block: &mut [u32],
-        lane: usize,
-        n: usize,
-        leaf: &mut GrowingTriangles,
-    ) {
-        let rows: &mut [[u32; WIDTH]; LaneWords::ID_ROW + 1] =
-            block.as_chunks_mut::<WIDTH>().0.try_into().expect("a block has ten rows");
-        let ids = &rows[LaneWords::ID_ROW][lane..lane + n];
-        // In two steps, so that memory is read for all triangles at once.
-        let mut triangles = [[0; 3]; LANES];
-        for (triangle, &id) in triangles.iter_mut().zip(ids) {
-            *triangle = self.triangles[id as usize];
-        }
-        let mut eight = Eight { rows: [[0.0; LANES]; 9], n };
-        // Straight into the rows: an array of triangles would be read as a whole before all of its numbers have arrived.
-        for (lane, &[a, b, c]) in triangles.iter().enumerate().take(n) {
-            eight.set(lane, [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]);
-        }
-        eight.fill();
-        eight.store_flat_as_edges(simd);
-        for (row, xs) in rows.iter_mut().zip(&eight.rows) {
-            for (word, x) in row[lane..lane + n].iter_mut().zip(xs) {
-                *word = x.to_bits();
+    /// Takes the next leaves; false where there are none.
+    fn take(&mut self, leaves: &mut &'a [LeafSlots]) -> bool {
+        self.blocks.clear();
+        self.n = 0;
+        let mut n_leaves = 0;
+        for leaf in *leaves {
+            if self.n + leaf.n > BATCH {
+                break;
             }
+            let (mut word, mut rest) = (leaf.first / PARTS * HALF_BLOCK_WORDS, leaf.n);
+            // Blocks of eight precede a last block of four.
+            while rest > 4 {
+                self.blocks.push(Lanes { word, width: 8, n: rest.min(8) });
+                (word, rest) = (word + 2 * HALF_BLOCK_WORDS, rest.saturating_sub(8));
+            }
+            if rest > 0 {
+                self.blocks.push(Lanes { word: word + leaf.first % PARTS * PART_LANES, width: 4, n: rest });
+            }
+            self.n += leaf.n;
+            n_leaves += 1;
         }
-        leaf.add(&eight);
-    }
-}
-
-/// Up to eight triangles.
-struct Eight {
-    rows: [[f32; LANES]; 9],
-    n: usize,
-}
-
-impl Eight {
-    /// Sets lanes without a triangle to a vertex of the first.
-    #[inline(always)]
-    fn fill(&mut self) {
-        let (x, y, z) = (self.rows[0][0], self.rows[1][0], self.rows[2][0]);
-        for lane in self.n..LANES {
-            self.set(lane, [[x, y, z]; 3]);
-        }
+        (self.leaves, *leaves) = leaves.split_at(n_leaves);
+        n_leaves > 0
     }
 
+    /// Reads the triangles as they are.
     #[inline(always)]
-    fn set(&mut self, lane: usize, [a, b, c]: Corners) {
-        for (k, x) in [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]].into_iter().enumerate() {
-            self.rows[k][lane] = x;
+    fn read(&mut self, words: &[u32]) {
+        let mut at = 0;
+        for block in &self.blocks {
+            for (k, row) in self.rows.iter_mut().enumerate() {
+                let from = &words[block.word + k * block.width..][..block.n];
+                row[at..at + block.n].iter_mut().zip(from).for_each(|(x, &word)| *x = f32::from_bits(word));
+            }
+            at += block.n;
+        }
+    }
+
+    /// Reads the triangles that leaves in these words hold, as they are now.
+    #[inline(always)]
+    fn gather(&mut self, words: &[u32], moved: &MovedTriangles) {
+        let mut at = 0;
+        for block in &self.blocks {
+            let ids = &words[block.word + LaneWords::ID_ROW * block.width..][..block.n];
+            for (triangle, &id) in self.triangles[at..at + block.n].iter_mut().zip(ids) {
+                *triangle = moved.triangles[id as usize];
+            }
+            at += block.n;
+        }
+        let [ax, ay, az, bx, by, bz, cx, cy, cz] = &mut self.rows;
+        for (at, triangle) in self.triangles[..self.n].iter().enumerate() {
+            let [a, b, c] = triangle.map(|vertex| moved.positions[vertex as usize]);
+            [ax[at], ay[at], az[at]] = a;
+            [bx[at], by[at], bz[at]] = b;
+            [cx[at], cy[at], cz[at]] = c;
         }
     }
 
     /// Replaces triangles without area by their longest edges.
     #[inline(always)]
     fn store_flat_as_edges<S: Simd>(&mut self, simd: S) {
-        let may_be_flat = self.may_be_flat(simd);
-        for lane in 0..self.n {
-            if may_be_flat >> lane & 1 != 0 {
-                self.set(lane, flat_as_edge(self.corners(lane)));
+        for first in (0..self.n).step_by(LANES) {
+            let mut may_be_flat = may_be_flat(simd, &self.eight(simd, first)) & lanes_below(self.n - first);
+            while may_be_flat != 0 {
+                let at = first + may_be_flat.trailing_zeros() as usize;
+                may_be_flat &= may_be_flat - 1;
+                let corners = flat_as_edge(self.corners(at));
+                self.rows.iter_mut().zip(corners.as_flattened()).for_each(|(row, &x)| row[at] = x);
             }
         }
     }
 
-    /// Mask of the lanes that may hold a triangle without area; the others certainly hold none.
-    ///
-    /// In a plane of two axes, the doubled area is `left - right`, two products of differences. In f32, without over- or underflow, it is
-    /// off by less than
-    /// `(3 + 16 u)·u·(|left| + |right|)` (Shewchuk 1997), u = 2^-24: 4 u cover that and the rounding of the bound. Where their sum
-    /// exceeds 2^-100, what a product loses by underflow, at most 2^-149, is far below the spare.
-    #[inline(always)]
-    fn may_be_flat<S: Simd>(&self, simd: S) -> u32 {
-        let bound = simd.splat(4.0 / (1 << 24) as f32);
-        let (least, infinite) = (simd.splat(1.0 / (1_u128 << 100) as f32), simd.splat(f32::INFINITY));
-        let [ax, ay, az, bx, by, bz, cx, cy, cz] = &self.rows;
-        let (cx, cy, cz) = (simd.load(cx), simd.load(cy), simd.load(cz));
-        let u = [simd.sub(simd.load(ax), cx), simd.sub(simd.load(ay), cy), simd.sub(simd.load(az), cz)];
-        let v = [simd.sub(simd.load(bx), cx), simd.sub(simd.load(by), cy), simd.sub(simd.load(bz), cz)];
-        let mut may_be_flat = 0xff;
-        for [i, j] in [[0, 1], [1, 2], [2, 0]] {
-            let (left, right) = (simd.mul(u[i], v[j]), simd.mul(u[j], v[i]));
-            let sum = simd.add(simd.abs(left), simd.abs(right));
-            // False for what overflows, and for a NaN.
-            let exceeds = simd.lt(simd.mul(bound, sum), simd.abs(simd.sub(left, right)));
-            may_be_flat &= !(exceeds & simd.lt(least, sum) & simd.lt(sum, infinite));
-        }
-        may_be_flat
+    fn corners(&self, at: usize) -> Corners {
+        std::array::from_fn(|vertex| std::array::from_fn(|k| self.rows[3 * vertex + k][at]))
     }
 
-    fn corners(&self, lane: usize) -> Corners {
-        std::array::from_fn(|vertex| std::array::from_fn(|k| self.rows[3 * vertex + k][lane]))
+    /// Eight triangles, some of which may not be part of the batch.
+    #[inline(always)]
+    fn eight<S: Simd>(&self, simd: S, first: usize) -> [S::F; 9] {
+        let mut eight = [simd.splat(0.0); 9];
+        for (lanes, row) in eight.iter_mut().zip(&self.rows) {
+            *lanes = simd.load(row[first..].first_chunk().expect("batches are whole vectors"));
+        }
+        eight
     }
+
+    /// Computes boxes and areas.
+    #[inline(always)]
+    fn measure<S: Simd>(&mut self, simd: S) {
+        let minus = |x| simd.xor_sign(x, simd.splat(-1.0));
+        for first in (0..self.n).step_by(LANES) {
+            let [ax, ay, az, bx, by, bz, cx, cy, cz] = self.eight(simd, first);
+            let least = |a, b, c| simd.min(simd.min(a, b), c);
+            let greatest = |a, b, c| simd.max(simd.max(a, b), c);
+            let (ux, uy, uz) = (simd.sub(bx, ax), simd.sub(by, ay), simd.sub(bz, az));
+            let (vx, vy, vz) = (simd.sub(cx, ax), simd.sub(cy, ay), simd.sub(cz, az));
+            let x = simd.sub(simd.mul(uy, vz), simd.mul(uz, vy));
+            let y = simd.sub(simd.mul(uz, vx), simd.mul(ux, vz));
+            let z = simd.sub(simd.mul(ux, vy), simd.mul(uy, vx));
+            let twice_area = simd.sqrt(simd.add(simd.add(simd.mul(x, x), simd.mul(y, y)), simd.mul(z, z)));
+            let boxes = simd.transpose([
+                least(ax, bx, cx),
+                least(ay, by, cy),
+                least(az, bz, cz),
+                simd.splat(0.0),
+                minus(greatest(ax, bx, cx)),
+                minus(greatest(ay, by, cy)),
+                minus(greatest(az, bz, cz)),
+                twice_area,
+            ]);
+            for (out, lanes) in self.boxes[first..first + LANES].iter_mut().zip(boxes) {
+                out.0 = simd.store(lanes);
+            }
+        }
+    }
+
+    /// Writes the triangles into their leaves.
+    #[inline(always)]
+    fn write<S: Simd>(&self, simd: S, words: &mut [u32]) {
+        let mut at = 0;
+        for block in &self.blocks {
+            let out = &mut words[block.word..][..LaneWords::ID_ROW * block.width];
+            match (block.width, self.rows[0].get(at..at + 8)) {
+                (8, Some(_)) => {
+                    // Lanes without a triangle hold zeros.
+                    let (used, number) =
+                        (simd.splat(block.n as f32), simd.load(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]));
+                    for (out, row) in out.as_chunks_mut::<8>().0.iter_mut().zip(&self.rows) {
+                        let x = simd.load(row[at..].first_chunk().expect("eight"));
+                        *out = simd.store(simd.pick(number, used, x, simd.splat(0.0))).map(f32::to_bits);
+                    }
+                }
+                (4, Some(_)) if block.n == 4 => {
+                    for (out, row) in out.as_chunks_mut::<4>().0.iter_mut().zip(&self.rows) {
+                        *out = row[at..].first_chunk::<4>().expect("four").map(f32::to_bits);
+                    }
+                }
+                _ => {
+                    for (out, row) in out.chunks_exact_mut(block.width).zip(&self.rows) {
+                        out.iter_mut().zip(&row[at..at + block.n]).for_each(|(word, x)| *word = x.to_bits());
+                    }
+                }
+            }
+            at += block.n;
+        }
+    }
+
+    /// Adds the leaves to those of a piece.
+    #[inline(always)]
+    fn add_to<S: Simd>(&self, simd: S, states: &mut LeafStates<Points>, frame: &MeshFrame) {
+        let first_point = states.items.as_ref().map_or(0, Points::len);
+        if let Some(points) = &mut states.items {
+            let mut at = 0;
+            for block in &self.blocks {
+                points.push_rows(&self.rows, at..at + block.n, frame.reference);
+                at += block.n;
+            }
+        }
+        let reference = moves(frame.reference);
+        let (mut bounds, mut at) = (simd.load(&Extremes::EMPTY.0), 0);
+        for leaf in self.leaves {
+            let boxes = &self.boxes[at..at + leaf.n];
+            let (mut least, mut sum) = (simd.load(&boxes[0].0), simd.load(&boxes[0].0));
+            for one in &boxes[1..] {
+                let one = simd.load(&one.0);
+                (least, sum) = (simd.min(one, least), simd.add(one, sum));
+            }
+            bounds = simd.min(least, bounds);
+            // Squares of great and of small coordinates leave the range of f32, and subnormal ones lose digits.
+            let twice_area = simd.store(sum)[7];
+            states.area += if (LEAST_AREA..f32::INFINITY).contains(&twice_area) {
+                0.5 * f64::from(twice_area)
+            } else {
+                (at..at + leaf.n).map(|at| self.corners(at).area()).sum()
+            };
+            // Rounding is monotonic, so this is the box of all moved triangles.
+            let mut extremes = Extremes(simd.store(simd.sub(least, simd.load(&reference))));
+            let reach = extremes.0.iter().enumerate().filter(|(i, _)| i % 4 != REACH);
+            extremes.0[REACH] = -reach.fold(0.0, |most: f32, (_, x)| if x.abs() > most { x.abs() } else { most });
+            if !frame.is_identity {
+                let points =
+                    states.items.as_ref().expect("vertices are kept where the frame is not that of object space");
+                let (first, n, reach) = (first_point + 3 * at, 3 * leaf.n, extremes.reach());
+                let slabs = points.slabs(first..first + n, frame.rows, reach);
+                extremes = Extremes::new(&Aabb { min: slabs.lo, max: slabs.hi }, reach);
+            }
+            states.extremes.push(extremes);
+            at += leaf.n;
+        }
+        states.bounds = states.bounds.union(Extremes(simd.store(bounds)).aligned());
+    }
+}
+
+/// What is subtracted from [`Extremes`] to make them relative to a point.
+fn moves(reference: ReferencePoint) -> [f32; 8] {
+    let [x, y, z] = reference.point();
+    [x, y, z, 0.0, -x, -y, -z, 0.0]
+}
+
+/// Mask of the first `n` lanes.
+#[inline(always)]
+fn lanes_below(n: usize) -> u32 {
+    if n < LANES { (1 << n) - 1 } else { 0xff }
+}
+
+/// Mask of the lanes that may hold a triangle without area; the others certainly hold none.
+///
+/// In a plane of two axes, the doubled area is `left - right`, two products of differences. In f32, without over- or underflow, it is
+/// off by less than
+/// `(3 + 16 u)·u·(|left| + |right|)` (Shewchuk 1997), u = 2^-24: 4 u cover that and the rounding of the bound. Where their sum
+/// exceeds 2^-100, what a product loses by underflow, at most 2^-149, is far below the spare.
+#[inline(always)]
+fn may_be_flat<S: Simd>(simd: S, [ax, ay, az, bx, by, bz, cx, cy, cz]: &[S::F; 9]) -> u32 {
+    let bound = simd.splat(4.0 / (1 << 24) as f32);
+    let (least, infinite) = (simd.splat(1.0 / (1_u128 << 100) as f32), simd.splat(f32::INFINITY));
+    let u = [simd.sub(*ax, *cx), simd.sub(*ay, *cy), simd.sub(*az, *cz)];
+    let v = [simd.sub(*bx, *cx), simd.sub(*by, *cy), simd.sub(*bz, *cz)];
+    let mut may_be_flat = 0xff;
+    for [i, j] in [[0, 1], [1, 2], [2, 0]] {
+        let (left, right) = (simd.mul(u[i], v[j]), simd.mul(u[j], v[i]));
+        let sum = simd.add(simd.abs(left), simd.abs(right));
+        // False for what overflows, and for a NaN.
+        let exceeds = simd.lt(simd.mul(bound, sum), simd.abs(simd.sub(left, right)));
+        may_be_flat &= !(exceeds & simd.lt(least, sum) & simd.lt(sum, infinite));
+    }
+    may_be_flat
 }
 
 /// Primitives of the caller before and after a motion.
@@ -208,14 +344,26 @@ pub(super) struct MovedPrimitives<'a, P> {
 }
 
 impl<'a, P: Primitive> MovedPrimitives<'a, P> {
-    /// A leaf of these primitives before the motion, or after it.
-    pub(super) fn leaf(&self, state: usize, ids: &[PrimId], items: Option<&mut Vec<Placed<'a, P>>>) -> LeafState {
+    /// Adds leaves of these primitives before the motion, or after it.
+    pub(super) fn add(
+        &self,
+        state: usize,
+        order: &[PrimId],
+        leaves: &[LeafSlots],
+        states: &mut LeafStates<Vec<Placed<'a, P>>>,
+    ) {
         let (primitives, frame) = (self.primitives[state], &self.frames[state]);
-        let area = ids.iter().map(|id| Placed::given(&primitives[id.index()]).area()).sum();
-        if let Some(items) = items {
-            items.extend(ids.iter().map(|id| Placed::given(&primitives[id.index()]).moved(frame.reference)));
+        for leaf in leaves {
+            let ids = &order[leaf.first..leaf.first + leaf.n];
+            let given = ids.iter().map(|id| Placed::given(&primitives[id.index()]));
+            states.area += given.clone().map(|item| item.area()).sum::<f64>();
+            if let Some(items) = &mut states.items {
+                items.extend(given.map(|item| item.moved(frame.reference)));
+            }
+            let Content { bounds, aligned, reach } = content_of(primitives, ids, frame);
+            states.bounds = states.bounds.union(bounds);
+            states.extremes.push(Extremes::new(&aligned, reach));
         }
-        LeafState { content: content_of(primitives, ids, frame), area }
     }
 }
 
@@ -242,84 +390,6 @@ fn content(bounds: Aabb, aligned: Aabb, frame: &MeshFrame) -> Content {
 /// From here on, what a leaf of 32 triangles loses by products below 2^-126 is less than 2^-14 of its area.
 const LEAST_AREA: f32 = 1.0 / (1_u64 << 44) as f32;
 
-/// A leaf as triangles are added, eight at a time.
-struct GrowingTriangles<'a> {
-    /// By axis and lane.
-    min: [[f32; LANES]; 3],
-    max: [[f32; LANES]; 3],
-    /// Twice the sum of the areas, by lane.
-    twice_area: [f32; LANES],
-    frame: MeshFrame,
-    /// Where vertices are kept: for a mesh frame of its own, or for oriented boxes.
-    points: Option<&'a mut Points>,
-    first_point: usize,
-}
-
-impl<'a> GrowingTriangles<'a> {
-    fn new(frame: MeshFrame, points: Option<&'a mut Points>) -> Self {
-        Self {
-            min: [[f32::INFINITY; LANES]; 3],
-            max: [[f32::NEG_INFINITY; LANES]; 3],
-            twice_area: [0.0; LANES],
-            frame,
-            first_point: points.as_ref().map_or(0, |points| points.len()),
-            points,
-        }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, triangles: &Eight) {
-        for (i, row) in triangles.rows.iter().enumerate() {
-            for (min, &x) in self.min[i % 3].iter_mut().zip(row) {
-                *min = if x < *min { x } else { *min };
-            }
-            for (max, &x) in self.max[i % 3].iter_mut().zip(row) {
-                *max = if x > *max { x } else { *max };
-            }
-        }
-        let [ax, ay, az, bx, by, bz, cx, cy, cz] = &triangles.rows;
-        for lane in 0..LANES {
-            let (ux, uy, uz) = (bx[lane] - ax[lane], by[lane] - ay[lane], bz[lane] - az[lane]);
-            let (vx, vy, vz) = (cx[lane] - ax[lane], cy[lane] - ay[lane], cz[lane] - az[lane]);
-            let (x, y, z) = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
-            self.twice_area[lane] += (x * x + y * y + z * z).sqrt();
-        }
-        if let Some(points) = &mut self.points {
-            points.push_rows(&triangles.rows, triangles.n, self.frame.reference);
-        }
-    }
-
-    /// The leaf, of whose triangles `all` are.
-    #[inline(always)]
-    fn state(self, all: impl Iterator<Item = Corners>) -> LeafState {
-        let mut bounds = Aabb::EMPTY;
-        for k in 0..3 {
-            let (mut min, mut max) = (self.min[k], self.max[k]);
-            for half in [4, 2, 1] {
-                for lane in 0..half {
-                    min[lane] = if min[lane + half] < min[lane] { min[lane + half] } else { min[lane] };
-                    max[lane] = if max[lane + half] > max[lane] { max[lane + half] } else { max[lane] };
-                }
-            }
-            (bounds.min[k], bounds.max[k]) = (min[0], max[0]);
-        }
-        // Squares of great and of small coordinates leave the range of f32, and subnormal ones lose digits.
-        let twice_area: f32 = self.twice_area.iter().sum();
-        let area = if (LEAST_AREA..f32::INFINITY).contains(&twice_area) {
-            0.5 * f64::from(twice_area)
-        } else {
-            all.map(|corners| corners.area()).sum()
-        };
-        let mut content = content(bounds, Aabb::EMPTY, &self.frame);
-        if !self.frame.is_identity {
-            let points = self.points.expect("vertices are kept where the frame is not that of object space");
-            let slabs = points.slabs(self.first_point..points.len(), self.frame.rows, content.reach);
-            content.aligned = Aabb { min: slabs.lo, max: slabs.hi };
-        }
-        LeafState { content, area }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use canted_obb::{Aabb, Obb};
@@ -329,6 +399,7 @@ mod tests {
     use crate::leaf::{StoredTriangles, unused_lanes_are_zero};
     use crate::node::checked::{CheckedLeaf, Hierarchy};
     use crate::node::{LeafLayout, MAX_LEAF};
+    use crate::simd::Scalar;
     use crate::traverse::{Block, MeshFrame};
 
     /// Reads a leaf as the traversal does.
@@ -364,14 +435,16 @@ mod tests {
                 })
                 .collect();
             let n = 1 + round % LANES;
-            let mut eight = Eight { rows: [[0.0; LANES]; 9], n };
-            triangles.iter().enumerate().take(n).for_each(|(lane, &triangle)| eight.set(lane, triangle));
-            eight.fill();
-            let may_be_flat = eight.may_be_flat(crate::simd::Scalar);
-            eight.store_flat_as_edges(crate::simd::Scalar);
+            let mut batch = Batch::new();
+            batch.n = n;
+            for (lane, triangle) in triangles.iter().enumerate().take(n) {
+                batch.rows.iter_mut().zip(triangle.as_flattened()).for_each(|(row, &x)| row[lane] = x);
+            }
+            let may_be_flat = may_be_flat(Scalar, &batch.eight(Scalar, 0));
+            batch.store_flat_as_edges(Scalar);
             for (lane, &triangle) in triangles.iter().enumerate().take(n) {
                 let want = flat_as_edge(triangle);
-                assert_eq!(eight.corners(lane), want, "{triangle:?}");
+                assert_eq!(batch.corners(lane), want, "{triangle:?}");
                 let [a, b, c] = triangle;
                 let doubled = |i: usize, j: usize| (a[i] - c[i]) * (b[j] - c[j]) - (a[j] - c[j]) * (b[i] - c[i]);
                 let naive = [(0, 1), (1, 2), (2, 0)].iter().all(|&(i, j)| doubled(i, j) == 0.0);
@@ -411,14 +484,22 @@ mod tests {
                 triangles[id.index()] = [first, first + 1, first + 2];
             }
             let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
-            let leaves = MovedTriangles { positions: moved.as_flattened(), triangles: &triangles, frames: [frame; 2] };
-            let mut taken = Points::default();
-            let state = leaves.after(AvailablePath::detect(), &mut halves, 0, n, Some(&mut taken));
+            let (positions, path) = (moved.as_flattened(), AvailablePath::detect());
+            let leaves = MovedTriangles { positions, triangles: &triangles, frames: [frame; 2], path };
+            let [mut state, mut before] = [true, false].map(|keeps_items| LeafStates::new(1, keeps_items));
+            leaves.after(&mut halves, &[LeafSlots { first: 0, n }], &mut state);
+            leaves.before(&halves, &[LeafSlots { first: 0, n }], &mut before);
+            let taken = state.items.unwrap();
             assert_eq!(taken.len(), 3 * n);
             let slabs = taken.slabs(0..3 * n, Obb::IDENTITY_FRAME, f32::INFINITY);
             assert_eq!(slabs, Slabs::from_points(Obb::IDENTITY_FRAME, moved.iter().flatten().copied()));
-            assert_eq!(state.content.bounds, leaves.before(&halves, 0, n, None).content.bounds);
-            assert_eq!(state.content.bounds, Aabb::from_points(moved.iter().flatten().copied()));
+            let bounds = Aabb::from_points(moved.iter().flatten().copied());
+            for side in [state.bounds, before.bounds, state.extremes[1].aligned(), before.extremes[1].aligned()] {
+                assert_eq!(side, bounds);
+            }
+            assert_eq!(state.extremes[1].reach(), bounds.reach());
+            let area: f64 = moved.iter().map(Item::area).sum();
+            assert!((state.area - area).abs() <= 1e-5 * area && state.area == before.area);
             assert_eq!(StoredTriangles::read(&hierarchy, &halves), StoredTriangles { corners: moved, ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }

@@ -10,6 +10,7 @@
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod boxes;
+mod extremes;
 mod leaves;
 mod points;
 mod subtree;
@@ -26,14 +27,15 @@ use crate::leaf::{LeafPrimitive, Placed, Primitive};
 use crate::node::checked::Hierarchy;
 use crate::node::{HalfBlock, Nodes, PARTS};
 use crate::par;
+use crate::simd::{AvailablePath, Simd, Task};
 use crate::traverse::{BoxPads, Pads};
 
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
+pub(crate) use extremes::{Sums, half_area, visit};
 pub(crate) use leaves::content_of;
 use leaves::{MovedPrimitives, MovedTriangles};
 use points::Points;
-use subtree::{After, Before, Kept, Shared, State};
-pub(crate) use subtree::{Sums, half_area, visit};
+use subtree::{After, Before, Kept, LeafSlots, LeafStates, Shared};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
 /// to the test of an aligned node.
@@ -160,18 +162,21 @@ impl TriangleBvh {
 
     fn refit_indexed(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
         check_number(self.n_primitives, triangles.len())?;
-        check_vertices(positions, triangles)?;
+        check_vertices(self.path, positions, triangles)?;
         let reference = reference_of_triangles(triangles.len(), |i| triangles[i].map(|v| positions[v as usize]));
         let old = self.frame;
         self.frame.reference = reference;
         let pads = BoxPads::new(self.pads(), self.frame.is_identity);
         let bvh = Target { nodes: &mut self.nodes, bounds: &mut self.bounds, baseline: &mut self.baseline, pads };
         let path = self.path;
-        let leaves = MovedTriangles { positions, triangles, frames: [old, self.frame] };
-        let before = |units: &[HalfBlock], first, n, items: Option<&mut Points>| leaves.before(units, first, n, items);
-        let after =
-            |units: &mut [HalfBlock], first, n, items: Option<&mut Points>| leaves.after(path, units, first, n, items);
-        let refit = bvh.update(&mut self.leaves.halves, PARTS, !self.frame.is_identity, &before, &after);
+        let moved = MovedTriangles { positions, triangles, frames: [old, self.frame], path };
+        let before = |units: &[HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>| {
+            moved.before(units, leaves, states);
+        };
+        let after = |units: &mut [HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>| {
+            moved.after(units, leaves, states);
+        };
+        let refit = bvh.update(&mut self.leaves.halves, (PARTS, path), !self.frame.is_identity, &before, &after);
         self.leaves.vertices_changed();
         Ok(refit)
     }
@@ -201,14 +206,14 @@ impl<P: Primitive> WideBvh<P> {
             pads: BoxPads::new(Pads::of(P::ERROR), self.frame.is_identity),
         };
         let old = std::mem::replace(&mut self.leaves.primitives, primitives);
-        let leaves = MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
-        let before = |units: &[PrimId], first: usize, n, items: Option<&mut Vec<_>>| {
-            leaves.leaf(0, &units[first..first + n], items)
+        let moved = MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
+        let before = |units: &[PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
+            moved.add(0, units, leaves, states);
         };
-        let after = |units: &mut [PrimId], first: usize, n, items: Option<&mut Vec<_>>| {
-            leaves.leaf(1, &units[first..first + n], items)
+        let after = |units: &mut [PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
+            moved.add(1, units, leaves, states);
         };
-        Ok(bvh.update(&mut self.leaves.order, 1, false, &before, &after))
+        Ok(bvh.update(&mut self.leaves.order, (1, self.path), false, &before, &after))
     }
 }
 
@@ -228,20 +233,42 @@ fn check_number(n_primitives: usize, n_given: usize) -> Result<(), RefitError> {
 const CHUNK: usize = 1 << 14;
 
 /// Rejects the first triangle with an index out of range or a vertex that is not finite.
-fn check_vertices(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), GeometryError> {
+fn check_vertices(path: AvailablePath, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), GeometryError> {
     let n_vertices = positions.len();
-    let are_inside = par::map_chunks(triangles, CHUNK, |_, chunk| {
-        (chunk.as_flattened().iter().fold(0, |most, &vertex| most.max(vertex)) as usize) < n_vertices
-    });
-    let are_finite = par::map_chunks(positions, CHUNK, |_, chunk| {
-        // A sum of products with zero is NaN if and only if a coordinate is not finite.
-        chunk.as_flattened().iter().fold(0.0, |sum: f32, x| sum + x * 0.0) == 0.0
-    });
+    let are_inside =
+        par::map_chunks(triangles, CHUNK, |_, chunk| (path.run(Greatest(chunk.as_flattened())) as usize) < n_vertices);
+    let are_finite = par::map_chunks(positions, CHUNK, |_, chunk| path.run(AreFinite(chunk.as_flattened())));
     if are_inside.into_iter().chain(are_finite).all(|is| is) {
         return Ok(());
     }
     // A vertex that no triangle uses may be anything.
     lbvh::triangle_corners(positions, triangles).map(drop)
+}
+
+/// The greatest index; 0 of none.
+struct Greatest<'a>(&'a [u32]);
+
+impl Task for Greatest<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, _: S) -> u32 {
+        self.0.iter().fold(0, |most, &index| most.max(index))
+    }
+}
+
+/// Whether all numbers are finite.
+struct AreFinite<'a>(&'a [f32]);
+
+impl Task for AreFinite<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, _: S) -> bool {
+        // Without its sign, an infinity or a NaN is no less than this number.
+        let least_other = f32::INFINITY.to_bits();
+        self.0.iter().fold(0, |most, x| most.max(x.to_bits() & (u32::MAX >> 1))) < least_other
+    }
 }
 
 impl Target<'_> {
@@ -250,7 +277,7 @@ impl Target<'_> {
     fn update<K: Kept, U: Send>(
         self,
         units: &mut [U],
-        n_parts: usize,
+        (n_parts, path): (usize, AvailablePath),
         keeps_items: bool,
         before: &Before<K, U>,
         after: &After<K, U>,
@@ -259,14 +286,14 @@ impl Target<'_> {
         let keeps_items = nodes.has_oriented || keeps_items;
         let measures_before = baseline.now.is_none();
         let costs = baseline.costs;
-        let shared = Shared { before, after, pads: &pads, costs: &costs, n_parts, keeps_items, measures_before };
-        let (after, before) = subtree::update_all(nodes, units, &shared);
-        let visit = subtree::visit(nodes.root, &costs);
-        let sums = |state: Option<&State<K>>| state.map_or_else(Sums::default, |state| state.sums);
-        let before = baseline.now.unwrap_or_else(|| predicted(sums(before.as_ref()), visit, bounds));
+        let shared = Shared { before, after, path, pads: &pads, costs: &costs, n_parts, keeps_items, measures_before };
+        let [after, before] = subtree::update_all(nodes, units, &shared);
+        let visit = visit(nodes.root, &costs);
+        let sums = |state: Option<(Aabb, Sums)>| state.map_or_else(Sums::default, |(_, sums)| sums);
+        let before = baseline.now.unwrap_or_else(|| predicted(sums(before), visit, bounds));
         let built = *baseline.built.get_or_insert(before);
-        *bounds = after.as_ref().map_or(Aabb::EMPTY, |state| state.content.bounds);
-        let now = predicted(sums(after.as_ref()), visit, bounds);
+        *bounds = after.map_or(Aabb::EMPTY, |(bounds, _)| bounds);
+        let now = predicted(sums(after), visit, bounds);
         baseline.now = Some(now);
         Refit::between(built, before, now)
     }

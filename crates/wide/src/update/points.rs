@@ -32,16 +32,18 @@ impl Points {
         self.by_axis[0].len()
     }
 
-    /// Adds the vertices in the first `n` lanes of nine rows, three for each vertex, relative to this point.
+    /// Adds the vertices of a range of triangles, whose coordinates are in nine rows, relative to this point.
     #[inline(always)]
-    pub(super) fn push_rows(&mut self, rows: &[[f32; LANES]; 9], n: usize, reference: ReferencePoint) {
-        for [x, y, z] in rows.as_chunks::<3>().0 {
-            let mut moved = [[0.0; LANES]; 3];
-            for lane in 0..LANES {
-                [moved[0][lane], moved[1][lane], moved[2][lane]] = reference.moved([x[lane], y[lane], z[lane]]);
-            }
-            for (all, lanes) in self.by_axis.iter_mut().zip(&moved) {
-                all.extend_from_slice(&lanes[..n]);
+    pub(super) fn push_rows<const N: usize>(
+        &mut self,
+        rows: &[[f32; N]; 9],
+        range: Range<usize>,
+        reference: ReferencePoint,
+    ) {
+        let from = reference.point();
+        for vertex in rows.as_chunks::<3>().0 {
+            for ((all, row), from) in self.by_axis.iter_mut().zip(vertex).zip(from) {
+                all.extend(row[range.clone()].iter().map(|x| x - from));
             }
         }
     }

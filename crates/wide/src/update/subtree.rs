@@ -6,49 +6,27 @@ use std::ops::Range;
 use canted_obb::Aabb;
 use canted_trace::Slabs;
 
-use super::boxes::frame_of;
+use super::extremes::{Closing, Extremes, Sums};
 use super::points::Points;
 use crate::build::item::Item;
 use crate::config::Costs;
 use crate::leaf::{Placed, Primitive};
-use crate::node::{
-    CacheLine, ChildWord, Content, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words, write_boxes,
-    write_slabs,
-};
+use crate::node::{CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words};
 use crate::par;
+use crate::simd::{AvailablePath, Scalar, Simd, Task};
 use crate::traverse::BoxPads;
-
-/// What the predicted cost is computed from; sums of pieces add up.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Sums {
-    /// Surface areas of all items.
-    pub(crate) area: f64,
-    /// Over all children of nodes: half of the area of the box, times the cost of a visit.
-    pub(crate) weighted: f64,
-    /// Costs of a visit to every child.
-    pub(crate) visits: f64,
-}
-
-impl Sums {
-    pub(super) fn add(&mut self, other: Self) {
-        self.area += other.area;
-        self.weighted += other.weighted;
-        self.visits += other.visits;
-    }
-}
 
 /// What a refit keeps of all leaves for the oriented boxes above them: primitives, or the vertices of triangles.
 pub(super) trait Kept: Default + Send + Sync {
-    fn n(&self) -> usize;
+    /// Items of a primitive.
+    const PER_PRIMITIVE: usize;
 
     /// The box with these rows around a range, whose coordinates are at most `reach`, rounded outward.
     fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Slabs;
 }
 
 impl Kept for Points {
-    fn n(&self) -> usize {
-        self.len()
-    }
+    const PER_PRIMITIVE: usize = 3;
 
     fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Slabs {
         self.slabs(range, rows, reach)
@@ -56,31 +34,44 @@ impl Kept for Points {
 }
 
 impl<P: Primitive> Kept for Vec<Placed<'_, P>> {
-    fn n(&self) -> usize {
-        self.len()
-    }
+    const PER_PRIMITIVE: usize = 1;
 
     fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], _: f32) -> Slabs {
         Item::slabs(&self[range], rows)
     }
 }
 
-/// A leaf as it is, or as it was.
-pub(super) struct LeafState {
-    pub(super) content: Content,
-    pub(super) area: f64,
+/// A leaf: the part of a unit that it starts with, relative to the piece, and the number of its primitives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LeafSlots {
+    pub(super) first: usize,
+    pub(super) n: usize,
 }
 
-/// The leaf of `n` items from a part of the units on, before the motion; appends its items, relative to the reference point.
-pub(super) type Before<'a, K, U> = dyn Fn(&[U], usize, usize, Option<&mut K>) -> LeafState + Sync + 'a;
+/// The leaves of a piece, in the order of nodes and their slots.
+#[derive(Debug)]
+pub(super) struct LeafStates<K> {
+    /// [`Extremes::EMPTY`], then those of each leaf, then of each node.
+    pub(super) extremes: Vec<Extremes>,
+    /// Object space.
+    pub(super) bounds: Aabb,
+    /// Of all primitives.
+    pub(super) area: f64,
+    /// All items relative to the reference point, where oriented boxes need them.
+    pub(super) items: Option<K>,
+}
 
-/// The same after the motion, which is written.
-pub(super) type After<'a, K, U> = dyn Fn(&mut [U], usize, usize, Option<&mut K>) -> LeafState + Sync + 'a;
+/// Adds leaves as they were before the motion.
+pub(super) type Before<'a, K, U> = dyn Fn(&[U], &[LeafSlots], &mut LeafStates<K>) + Sync + 'a;
+
+/// Adds them as they are after the motion, and writes them.
+pub(super) type After<'a, K, U> = dyn Fn(&mut [U], &[LeafSlots], &mut LeafStates<K>) + Sync + 'a;
 
 /// What all pieces of a refit share.
 pub(super) struct Shared<'a, K, U> {
     pub(super) before: &'a Before<'a, K, U>,
     pub(super) after: &'a After<'a, K, U>,
+    pub(super) path: AvailablePath,
     pub(super) pads: &'a BoxPads,
     pub(super) costs: &'a Costs,
     /// Parts of a unit.
@@ -95,99 +86,12 @@ pub(super) struct Shared<'a, K, U> {
 #[derive(Debug)]
 pub(super) struct State<K> {
     /// Of the whole piece.
-    pub(super) content: Content,
+    pub(super) extremes: Extremes,
+    pub(super) bounds: Aabb,
     pub(super) sums: Sums,
     /// All items, where oriented boxes need them.
-    pub(super) items: K,
-}
-
-/// A child of a node.
-#[derive(Clone, Debug)]
-pub(super) struct Child {
-    pub(super) content: Content,
-    /// Of the items, or of the pieces below.
-    pub(super) below: Range<usize>,
-}
-
-/// The box of a child before it is padded.
-pub(super) enum ChildBox {
-    Aligned(Aabb),
-    Oriented(Slabs),
-}
-
-impl ChildBox {
-    fn half_area(&self) -> f64 {
-        let (lo, hi) = match self {
-            Self::Aligned(aabb) => (aabb.min, aabb.max),
-            Self::Oriented(slabs) => (slabs.lo, slabs.hi),
-        };
-        half_area(lo.map(f64::from), hi.map(f64::from))
-    }
-}
-
-/// Half of the surface area of a box.
-pub(crate) fn half_area(lo: [f64; 3], hi: [f64; 3]) -> f64 {
-    let [x, y, z]: [f64; 3] = std::array::from_fn(|k| (hi[k] - lo[k]).max(0.0));
-    x * y + y * z + z * x
-}
-
-/// The children of a node, empty slots last or between.
-pub(super) type Children = [Option<Child>; 8];
-
-/// The boxes of all children; `slabs` computes oriented ones.
-fn boxes_of(
-    kind: NodeKind,
-    rows: &[Row],
-    children: &Children,
-    slabs: impl Fn(&Child, [[f32; 3]; 3]) -> Slabs,
-) -> [Option<ChildBox>; 8] {
-    std::array::from_fn(|i| {
-        let child = children[i].as_ref()?;
-        Some(match kind {
-            NodeKind::Aligned => ChildBox::Aligned(child.content.aligned),
-            NodeKind::Oriented => ChildBox::Oriented(slabs(child, frame_of(rows, i))),
-        })
-    })
-}
-
-/// Adds the boxes of a node to its sums.
-fn add_boxes(sums: &mut Sums, boxes: &[Option<ChildBox>; 8], words: &[ChildWord; 8], costs: &Costs) {
-    for (child, &word) in boxes.iter().zip(words) {
-        if let Some(child) = child {
-            let visit = visit(word, costs);
-            sums.weighted += visit * child.half_area();
-            sums.visits += visit;
-        }
-    }
-}
-
-/// Writes padded boxes into the rows of a node.
-fn write_node(kind: NodeKind, rows: &mut [Row], children: &Children, boxes: &[Option<ChildBox>; 8], pads: &BoxPads) {
-    let pad = |i: usize| children[i].as_ref().map_or(0.0, |child| pads.of(kind, child.content.reach));
-    match kind {
-        NodeKind::Aligned => write_boxes(&mut rows[..6], |i| match &boxes[i] {
-            Some(ChildBox::Aligned(aabb)) => Some((*aabb, pad(i))),
-            _ => None,
-        }),
-        NodeKind::Oriented => {
-            for (i, child) in boxes.iter().enumerate() {
-                let slabs = match child {
-                    Some(ChildBox::Oriented(slabs)) => Some((*slabs, pad(i))),
-                    _ => None,
-                };
-                write_slabs(rows, i, slabs);
-            }
-        }
-    }
-}
-
-/// Cost of a visit to what a word names.
-pub(crate) fn visit(word: ChildWord, costs: &Costs) -> f64 {
-    match word.kind() {
-        DecodedWord::Empty => 0.0,
-        DecodedWord::Node(kind, _) => f64::from(costs.node(kind)),
-        DecodedWord::Leaf { n, .. } => f64::from(costs.leaf) + f64::from(costs.block) * f64::from(n.div_ceil(8)),
-    }
+    items: K,
+    n_items: usize,
 }
 
 /// A node of the piece, and the line that it starts with, relative to the piece.
@@ -204,62 +108,54 @@ fn update<K: Kept, U>(
     units: &mut [U],
     shared: &Shared<K, U>,
 ) -> (State<K>, Option<State<K>>) {
-    let nodes = nodes_of(piece, lines);
-    let (mut after, mut before) =
-        (Side::new(nodes.len(), shared), shared.measures_before.then(|| Side::new(nodes.len(), shared)));
-    let base = shared.n_parts * piece.units.start;
-    let mut numbers = vec![0; lines.len().div_ceil(NodeKind::Aligned.n_lines())];
-    for (i, node) in nodes.iter().enumerate() {
-        numbers[slot_of(node.line as usize)] = i;
+    let (nodes, leaves) = content_of(piece, lines, shared.n_parts * piece.units.start);
+    let mut before = None;
+    if shared.measures_before {
+        let mut states = LeafStates::new(leaves.len() + nodes.len(), shared.keeps_items);
+        (shared.before)(units, &leaves, &mut states);
+        let n_lines = piece.lines.start;
+        before = Some(shared.path.run(Close {
+            nodes: &nodes,
+            leaves: &leaves,
+            n_lines,
+            lines,
+            pads: None,
+            costs: shared.costs,
+            states,
+        }));
     }
-    let number = |line: u32| numbers[slot_of(line as usize - piece.lines.start)];
-    // In the order of memory, which the processor then fetches ahead; nodes are closed in the opposite order.
-    for &Node { kind, line } in &nodes {
-        for word in node_words(lines, kind, line) {
-            if let DecodedWord::Leaf { first, n } = word.kind() {
-                let (first, n) = (first as usize - base, n as usize);
-                if let Some(before) = &mut before {
-                    before.add_leaf(|items| (shared.before)(units, first, n, items));
-                }
-                after.add_leaf(|items| (shared.after)(units, first, n, items));
-            }
-        }
-    }
-    for (i, &Node { kind, line }) in nodes.iter().enumerate().rev() {
-        let words = *node_words(lines, kind, line);
-        let line = line as usize;
-        let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
-        if let Some(before) = &mut before {
-            let children = before.children(&words, number);
-            before.close(i, kind, rows, &words, &children, shared.costs);
-        }
-        let children = after.children(&words, number);
-        let boxes = after.close(i, kind, rows, &words, &children, shared.costs);
-        write_node(kind, rows, &children, &boxes, shared.pads);
-    }
-    if let DecodedWord::Leaf { first, n } = piece.root.kind() {
-        let (first, n) = (first as usize - base, n as usize);
-        if let Some(before) = &mut before {
-            let leaf = (shared.before)(units, first, n, before.items.as_mut());
-            before.set_root(leaf);
-        }
-        let leaf = (shared.after)(units, first, n, after.items.as_mut());
-        after.set_root(leaf);
-    }
-    (after.state(), before.map(Side::state))
+    let mut states = LeafStates::new(leaves.len() + nodes.len(), shared.keeps_items);
+    (shared.after)(units, &leaves, &mut states);
+    let (n_lines, pads) = (piece.lines.start, Some(shared.pads));
+    let after =
+        shared.path.run(Close { nodes: &nodes, leaves: &leaves, n_lines, lines, pads, costs: shared.costs, states });
+    (after, before)
 }
 
-/// All nodes, parents before children.
-fn nodes_of(piece: &SubtreeSlots, lines: &[CacheLine]) -> Vec<Node> {
-    let (mut nodes, mut open) = (Vec::with_capacity(lines.len() / NodeKind::Aligned.n_lines()), vec![piece.root]);
-    while let Some(word) = open.pop() {
-        if let DecodedWord::Node(kind, line) = word.kind() {
-            let line = line - piece.lines.start as u32;
-            nodes.push(Node { kind, line });
-            open.extend(node_words(lines, kind, line).iter().rev());
-        }
+/// All nodes, parents before children, and all leaves in their order. Parts of units are relative to the first one.
+fn content_of(piece: &SubtreeSlots, lines: &[CacheLine], first_part: usize) -> (Vec<Node>, Vec<LeafSlots>) {
+    let leaf = |first: u32, n: u32| LeafSlots { first: first as usize - first_part, n: n as usize };
+    let n_most = lines.len() / NodeKind::Aligned.n_lines();
+    let (mut nodes, mut leaves, mut open) = (Vec::with_capacity(n_most), Vec::with_capacity(8 * n_most), vec![]);
+    match piece.root.kind() {
+        DecodedWord::Node(kind, line) => open.push((kind, line)),
+        DecodedWord::Leaf { first, n } => leaves.push(leaf(first, n)),
+        DecodedWord::Empty => {}
     }
-    nodes
+    while let Some((kind, line)) = open.pop() {
+        let line = line - piece.lines.start as u32;
+        nodes.push(Node { kind, line });
+        let n_open = open.len();
+        for word in node_words(lines, kind, line) {
+            match word.kind() {
+                DecodedWord::Node(kind, line) => open.push((kind, line)),
+                DecodedWord::Leaf { first, n } => leaves.push(leaf(first, n)),
+                DecodedWord::Empty => {}
+            }
+        }
+        open[n_open..].reverse();
+    }
+    (nodes, leaves)
 }
 
 /// Distinguishes the nodes that start at different lines.
@@ -267,90 +163,95 @@ fn slot_of(line: usize) -> usize {
     line / NodeKind::Aligned.n_lines()
 }
 
-/// The state of a piece as it grows: all leaves, then nodes, the last one first.
-struct Side<K> {
-    /// Leaves that no node has taken yet.
-    leaves: Vec<Child>,
-    /// Contents of nodes by number, and their items.
-    nodes: Vec<Option<Child>>,
-    root: Content,
-    sums: Sums,
-    items: Option<K>,
+impl<K: Kept> LeafStates<K> {
+    pub(super) fn new(n: usize, keeps_items: bool) -> Self {
+        let mut extremes = Vec::with_capacity(1 + n);
+        extremes.push(Extremes::EMPTY);
+        Self { extremes, bounds: Aabb::EMPTY, area: 0.0, items: keeps_items.then(K::default) }
+    }
 }
 
-impl<K: Kept> Side<K> {
-    fn new<U>(n_nodes: usize, shared: &Shared<K, U>) -> Self {
-        let items = shared.keeps_items.then(K::default);
-        Self { leaves: vec![], nodes: vec![None; n_nodes], root: Content::EMPTY, sums: Sums::default(), items }
-    }
+/// Closes the nodes of a piece, the last one first; all leaves are known. Writes boxes if pads are given.
+struct Close<'a, K> {
+    nodes: &'a [Node],
+    leaves: &'a [LeafSlots],
+    /// Lines before the piece.
+    n_lines: usize,
+    lines: &'a mut [CacheLine],
+    pads: Option<&'a BoxPads>,
+    costs: &'a Costs,
+    states: LeafStates<K>,
+}
 
-    fn set_root(&mut self, leaf: LeafState) {
-        self.root = leaf.content;
-        self.sums.area += leaf.area;
-    }
+impl<K: Kept> Task for Close<'_, K> {
+    type Output = State<K>;
 
-    /// Adds the next leaf in the order of nodes and of their slots.
-    fn add_leaf(&mut self, read: impl FnOnce(Option<&mut K>) -> LeafState) {
-        let start = self.n_items();
-        let LeafState { content, area } = read(self.items.as_mut());
-        self.sums.area += area;
-        self.leaves.push(Child { content, below: start..self.n_items() });
-    }
-
-    /// The children that the words of the last open node name: nodes were closed before, leaves are the last ones.
-    fn children(&mut self, words: &[ChildWord; 8], number: impl Fn(u32) -> usize) -> Children {
-        let mut children = Children::default();
-        for (child, word) in children.iter_mut().zip(words).rev() {
-            *child = match word.kind() {
-                DecodedWord::Empty => None,
-                DecodedWord::Node(_, line) => self.nodes[number(line)].take(),
-                DecodedWord::Leaf { .. } => self.leaves.pop(),
-            };
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> State<K> {
+        let Self { nodes, leaves, n_lines, lines, pads, costs, states } = self;
+        let LeafStates { mut extremes, bounds, area, items } = states;
+        let mut numbers = vec![0; lines.len().div_ceil(NodeKind::Aligned.n_lines())];
+        for (i, node) in nodes.iter().enumerate() {
+            numbers[slot_of(node.line as usize)] = 1 + leaves.len() + i;
         }
-        children
-    }
-
-    fn n_items(&self) -> usize {
-        self.items.as_ref().map_or(0, K::n)
-    }
-
-    /// Adds a node whose children are known; returns their boxes.
-    fn close(
-        &mut self,
-        number: usize,
-        kind: NodeKind,
-        rows: &[Row],
-        words: &[ChildWord; 8],
-        children: &Children,
-        costs: &Costs,
-    ) -> [Option<ChildBox>; 8] {
-        let boxes = boxes_of(kind, rows, children, |child, rows| {
-            let items = self.items.as_ref().expect("oriented nodes keep what is below them");
-            items.slabs(child.below.clone(), rows, child.content.reach)
-        });
-        add_boxes(&mut self.sums, &boxes, words, costs);
-        let all = children.iter().flatten();
-        let content = all.clone().fold(Content::EMPTY, |content, child| content.union(child.content));
-        // The leaves of a node and of all nodes below are consecutive.
-        let start = all.clone().map(|child| child.below.start).min().unwrap_or(0);
-        let end = all.map(|child| child.below.end).max().unwrap_or(start);
-        self.nodes[number] = Some(Child { content, below: start..end });
-        self.root = content;
-        boxes
-    }
-
-    fn state(self) -> State<K> {
-        State { content: self.root, sums: self.sums, items: self.items.unwrap_or_default() }
+        extremes.resize(1 + leaves.len() + nodes.len(), Extremes::EMPTY);
+        // The items of a node and of all nodes below are consecutive.
+        let mut items = items.map(|items| (items, item_ranges::<K>(leaves, extremes.len())));
+        let (mut sums, mut next_leaf) = (Sums { area, ..Sums::default() }, leaves.len());
+        for (i, &Node { kind, line }) in nodes.iter().enumerate().rev() {
+            let (words, line) = (*node_words(lines, kind, line), line as usize);
+            let mut children = [0; 8];
+            for (child, word) in children.iter_mut().zip(&words).rev() {
+                *child = match word.kind() {
+                    DecodedWord::Empty => 0,
+                    DecodedWord::Node(_, line) => numbers[slot_of(line as usize - n_lines)],
+                    DecodedWord::Leaf { .. } => {
+                        next_leaf -= 1;
+                        next_leaf + 1
+                    }
+                };
+            }
+            let number = 1 + leaves.len() + i;
+            let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
+            let closing = Closing { kind, words: &words, children: children.map(|child| &extremes[child]), costs };
+            let node = closing.close(simd, rows, pads, &mut sums, |slot, rows| {
+                let (items, ranges) = items.as_ref().expect("oriented nodes keep what is below them");
+                let [first, end] = ranges[children[slot]];
+                items.slabs(first..end, rows, extremes[children[slot]].reach())
+            });
+            extremes[number] = node;
+            if let Some((_, ranges)) = &mut items {
+                let used = || children.iter().filter(|child| **child > 0);
+                ranges[number] = used().fold([usize::MAX, 0], |[first, end], &child| {
+                    [first.min(ranges[child][0]), end.max(ranges[child][1])]
+                });
+            }
+        }
+        let root = if nodes.is_empty() { leaves.len().min(1) } else { 1 + leaves.len() };
+        let n_items = leaves.iter().map(|leaf| K::PER_PRIMITIVE * leaf.n).sum();
+        let items = items.map(|(items, _)| items).unwrap_or_default();
+        State { extremes: extremes[root], bounds, sums, items, n_items }
     }
 }
 
-/// Updates all pieces. Returns the state of the whole BVH after the motion, and before it where that is measured; `None` without
-/// primitives.
+/// The items of each leaf, from number 1 on.
+fn item_ranges<K: Kept>(leaves: &[LeafSlots], n: usize) -> Vec<[usize; 2]> {
+    let (mut ranges, mut end) = (vec![[0; 2]; n], 0);
+    for (range, leaf) in ranges[1..].iter_mut().zip(leaves) {
+        let first = end;
+        end += K::PER_PRIMITIVE * leaf.n;
+        *range = [first, end];
+    }
+    ranges
+}
+
+/// Updates all pieces. Returns the bounds and the sums of the whole BVH after the motion, and before it where that is measured; `None`
+/// without primitives.
 pub(super) fn update_all<K: Kept, U: Send>(
     nodes: &mut Nodes,
     units: &mut [U],
     shared: &Shared<K, U>,
-) -> (Option<State<K>>, Option<State<K>>) {
+) -> [Option<(Aabb, Sums)>; 2] {
     let pieces = &nodes.pieces[..];
     let (mut lines_left, mut units_left) = (&mut nodes.lines[..], units);
     let (mut subtrees, mut above) = (vec![], vec![]);
@@ -378,12 +279,11 @@ pub(super) fn update_all<K: Kept, U: Send>(
         let words = *node_words(lines, kind, 0);
         let rows: &mut [Row] = bytemuck::cast_slice_mut(lines);
         if let Some(before) = &mut before {
-            before.close(i, kind, rows, &words, shared.costs);
+            before.close(i, kind, rows, &words, (None, shared.costs));
         }
-        let (children, boxes) = after.close(i, kind, rows, &words, shared.costs);
-        write_node(kind, rows, &children, &boxes, shared.pads);
+        after.close(i, kind, rows, &words, (Some(shared.pads), shared.costs));
     }
-    (after.all(), before.and_then(Sequence::all))
+    [after.all(), before.and_then(Sequence::all)]
 }
 
 /// The states of all pieces; those of nodes above are closed last first.
@@ -402,43 +302,37 @@ impl<K: Kept> Sequence<K> {
         Self { by_word, states, ends: (1..=pieces.len()).collect() }
     }
 
-    /// Adds a node above other pieces; returns its children and their boxes.
+    /// Adds a node above other pieces. Writes its boxes if pads are given.
     fn close(
         &mut self,
         i: usize,
         kind: NodeKind,
-        rows: &[Row],
+        rows: &mut [Row],
         words: &[ChildWord; 8],
-        costs: &Costs,
-    ) -> (Children, [Option<ChildBox>; 8]) {
-        let children: Children = words.map(|word| {
-            let piece = *self.by_word.get(&word.0)?;
-            let state = self.states[piece].as_ref().expect("pieces below are known");
-            Some(Child { content: state.content, below: piece..self.ends[piece] })
-        });
-        let boxes = boxes_of(kind, rows, &children, |child, rows| {
-            let known = self.states[child.below.clone()].iter().flatten();
-            joined(
-                rows,
-                par::map(&known.collect::<Vec<_>>(), 1, |state| {
-                    state.items.slabs(0..state.items.n(), rows, state.content.reach)
-                }),
-            )
-        });
+        (pads, costs): (Option<&BoxPads>, &Costs),
+    ) {
+        let pieces = words.map(|word| self.by_word.get(&word.0).copied());
+        let known = |piece: usize| self.states[piece].as_ref().expect("pieces below are known");
+        let children = pieces.map(|piece| piece.map_or(&Extremes::EMPTY, |piece| &known(piece).extremes));
         let mut sums = Sums::default();
-        add_boxes(&mut sums, &boxes, words, costs);
-        let content = children.iter().flatten().fold(Content::EMPTY, |all, child| all.union(child.content));
-        self.ends[i] = children.iter().flatten().map(|child| child.below.end).max().unwrap_or(i + 1);
-        self.states[i] = Some(State { content, sums, items: K::default() });
-        (children, boxes)
+        let extremes = Closing { kind, words, children, costs }.close(Scalar, rows, pads, &mut sums, |slot, rows| {
+            let first = pieces[slot].expect("a box around something");
+            let below: Vec<_> = self.states[first..self.ends[first]].iter().flatten().collect();
+            let boxes = par::map(&below, 1, |state| state.items.slabs(0..state.n_items, rows, state.extremes.reach()));
+            joined(rows, boxes)
+        });
+        let below = pieces.into_iter().flatten();
+        let bounds = below.clone().fold(Aabb::EMPTY, |all, piece| all.union(known(piece).bounds));
+        self.ends[i] = below.map(|piece| self.ends[piece]).max().unwrap_or(i + 1);
+        self.states[i] = Some(State { extremes, bounds, sums, items: K::default(), n_items: 0 });
     }
 
-    /// The state of the whole BVH: the first piece holds all others.
-    fn all(self) -> Option<State<K>> {
-        let content = self.states.first()?.as_ref()?.content;
+    /// The bounds of the whole BVH, and its sums: the first piece holds all others.
+    fn all(self) -> Option<(Aabb, Sums)> {
+        let bounds = self.states.first()?.as_ref()?.bounds;
         let mut sums = Sums::default();
         self.states.iter().flatten().for_each(|state| sums.add(state.sums));
-        Some(State { content, sums, items: K::default() })
+        Some((bounds, sums))
     }
 }
 

@@ -116,10 +116,11 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     // Vertices that moved without a refit.
     let mut bvh = bvh.clone();
     let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * 1.01)).collect();
-    let leaves = MovedTriangles { positions: &moved, triangles: &mesh.triangles, frames: [bvh.frame; 2] };
-    for leaf in &hierarchy.leaves {
-        leaves.after(bvh.path, &mut bvh.leaves.halves, leaf.first, leaf.places.len(), Some(&mut Points::default()));
-    }
+    let (triangles, frames, path) = (&mesh.triangles[..], [bvh.frame; 2], bvh.path);
+    let leaves: Vec<_> =
+        hierarchy.leaves.iter().map(|leaf| LeafSlots { first: leaf.first, n: leaf.places.len() }).collect();
+    let moved = MovedTriangles { positions: &moved, triangles, frames, path };
+    moved.after(&mut bvh.leaves.halves, &leaves, &mut LeafStates::new(leaves.len(), true));
     assert!(n_too_small(&bvh) > 10);
 }
 
