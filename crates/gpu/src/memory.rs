@@ -157,6 +157,9 @@ impl Staging {
     }
 }
 
+/// How many times as large as needed a work buffer may be.
+const MOST_TIMES: u64 = 4;
+
 /// Buffers whose contents serve one call, by name: those that nothing uses any more serve the next one.
 #[derive(Default)]
 pub(crate) struct WorkBuffers(Mutex<HashMap<String, Vec<Owned>>>);
@@ -165,14 +168,16 @@ pub(crate) struct WorkBuffers(Mutex<HashMap<String, Vec<Owned>>>);
 type Owned = (wgpu::Buffer, Arc<Reservation>);
 
 impl WorkBuffers {
-    /// The smallest of at least `size` bytes that nothing uses. If there is none, one that is too small is freed.
+    /// The smallest of at least `size` bytes, and not many times as many, that nothing uses. If there is none, one that is too small is freed.
     pub(crate) fn take(&self, name: &str, size: u64) -> Option<Owned> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let list = kept.get_mut(name)?;
         let unused = (0..list.len()).filter(|&i| Arc::strong_count(&list[i].1) == 1);
         let (fitting, small): (Vec<usize>, Vec<usize>) = unused.partition(|&i| list[i].0.size() >= size);
         if let Some(i) = fitting.into_iter().min_by_key(|&i| list[i].0.size()) {
-            return Some(list[i].clone());
+            // A large one is not bound up by little: it can be freed.
+            let is_close = list[i].0.size() <= MOST_TIMES * size.max(LEAST);
+            return is_close.then(|| list[i].clone());
         }
         if let Some(i) = small.into_iter().max_by_key(|&i| list[i].0.size()) {
             list.swap_remove(i);

@@ -58,6 +58,10 @@ fn work_buffers_serve_again_within_the_limits() {
     let second = of(900).unwrap();
     assert!(*second.wgpu() == memory && second.len() == 900 && second.n_bytes() == 3600);
     drop(second);
+    // A much larger one is left alone.
+    let large = of(1 << 14).unwrap().wgpu().clone();
+    assert!(*of(100).unwrap().wgpu() != large);
+    gpu.free_work_buffers();
     assert!(*of(1001).unwrap().wgpu() != memory);
     // The limit of a binding holds, and that of the memory: what nothing uses is freed, what is in use is not.
     assert!(matches!(of((1 << 14) + 1), Err(GpuError::Limit { .. })));

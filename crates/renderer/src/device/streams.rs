@@ -141,6 +141,8 @@ impl Streams {
     ) -> Result<(Self, usize), GpuError> {
         match Self::of(gpu, traced, (kernels.clone(), pace.clone()), n) {
             Err(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) if n > FEW_SAMPLES => {
+                // Those of this attempt are too large.
+                gpu.free_work_buffers();
                 Self::new(gpu, traced, (kernels, pace), (n / 4).max(FEW_SAMPLES))
             }
             streams => Ok((streams?, n)),
