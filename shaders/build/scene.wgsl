@@ -1,18 +1,20 @@
 // From the meshes of a scene to their trees, and from built trees to what rays traverse.
 
 // part corners
-// Vertices of the triangles of a mesh, from buffers of any layout.
-// Reads: vertices, indices.
+// Vertices of the triangles of meshes that share two buffers, or one, of any layout.
+// Reads: layouts, vertices, indices.
 // Writes: nine words per triangle; faults.
 // Holds: every coordinate written is finite. A triangle with a fault becomes a point, which nothing hits.
 // use shared/build/slice
 
 struct MeshLayout {
+    /// The mesh's first triangle among the items of the dispatch. Layouts are in its order.
+    first_item: u32,
     /// First word of the first vertex, and words from vertex to vertex.
     first_word: u32,
     stride: u32,
     n_vertices: u32,
-    /// Number of the first index in its buffer, in units of its size.
+    /// Number of the first index in the buffer, in units of its size.
     first_index: u32,
     /// Bytes of an index; 0 if vertices are in order.
     index_bytes: u32,
@@ -22,7 +24,7 @@ struct MeshLayout {
     first_fault: u32,
 }
 
-@group(0) @binding(1) var<uniform> mesh_layout: MeshLayout;
+@group(0) @binding(1) var<storage, read> mesh_layouts: array<MeshLayout>;
 @group(0) @binding(2) var<storage, read> mesh_vertices: array<u32>;
 @group(0) @binding(3) var<storage, read> mesh_indices: array<u32>;
 @group(0) @binding(4) var<storage, read_write> corners: array<u32>;
@@ -33,8 +35,24 @@ struct MeshLayout {
 /// Bits of the largest coordinate that kernels support, 1e18.
 const MAX_COORDINATE: u32 = 0x5d5e0b6bu;
 
+/// The mesh of an item: the last that does not start behind it.
+fn mesh_of(item: u32) -> MeshLayout {
+    var low = 0u;
+    var n = arrayLength(&mesh_layouts);
+    while n > 1u {
+        let half = n / 2u;
+        if mesh_layouts[low + half].first_item <= item {
+            low += half;
+            n -= half;
+        } else {
+            n = half;
+        }
+    }
+    return mesh_layouts[low];
+}
+
 /// The vertex of a corner, numbered over all corners of the mesh.
-fn index_of(corner: u32) -> u32 {
+fn index_of(mesh_layout: MeshLayout, corner: u32) -> u32 {
     let at = mesh_layout.first_index + corner;
     switch mesh_layout.index_bytes {
         case 0u: {
@@ -51,15 +69,17 @@ fn index_of(corner: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let triangle = slice_item(id, 64u);
-    if triangle >= slice.end {
+    let item = slice_item(id, 64u);
+    if item >= slice.end {
         return;
     }
+    let mesh_layout = mesh_of(item);
+    let triangle = item - mesh_layout.first_item;
     let number = mesh_layout.first_triangle + triangle;
     var words: array<u32, 9>;
     var is_sound = true;
     for (var k = 0u; k < 3u; k++) {
-        let index = index_of(3u * triangle + k);
+        let index = index_of(mesh_layout, 3u * triangle + k);
         if index >= mesh_layout.n_vertices {
             atomicMax(&faults[mesh_layout.first_fault], ~triangle);
             is_sound = false;

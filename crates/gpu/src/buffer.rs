@@ -21,6 +21,14 @@ pub struct Buffer<T> {
     reservation: Arc<Reservation>,
 }
 
+/// A part of a buffer.
+#[derive(Clone, Copy)]
+pub(crate) struct Slot<'a> {
+    pub(crate) buffer: &'a wgpu::Buffer,
+    pub(crate) first_byte: u64,
+    pub(crate) n_bytes: u64,
+}
+
 /// Parts of buffers start at multiples of it: WebGPU's default of `min_storage_buffer_offset_alignment`, above which no device is.
 pub(crate) const PART_BYTES: u64 = canted_shaders::TABLE_BYTES as u64;
 
@@ -72,6 +80,11 @@ impl<T> Buffer<T> {
         }
     }
 
+    /// `n` words from a word on.
+    pub(crate) fn slot(&self, word: usize, n: usize) -> Slot<'_> {
+        Slot { buffer: &self.raw, first_byte: self.first_byte + 4 * word as u64, n_bytes: 4 * n as u64 }
+    }
+
     /// The buffer and its reservation of the memory.
     pub(crate) fn parts(&self) -> (wgpu::Buffer, Arc<Reservation>) {
         (self.raw.clone(), self.reservation.clone())
@@ -118,6 +131,34 @@ impl Gpu {
         self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
     }
 
+    /// A buffer of `len` values for the work of one call: what kernels did not write yet may have any value. The memory serves the next call that
+    /// asks for a buffer of this name, where no buffer of this one is left.
+    ///
+    /// The device keeps the memory until something else needs it, or [`Gpu::free_work_buffers`] frees it.
+    ///
+    /// # Errors
+    /// As for [`Gpu::buffer`].
+    pub fn work_buffer<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let (most, limit) = (self.limits().max_storage_buffer_binding_size, "bytes in a storage binding");
+        let size = self.checked_size::<T>(what, len, most, limit)?;
+        if self.memory.is_exceeded() {
+            self.free_work_buffers();
+        }
+        if let Some((raw, reservation)) = self.work_buffers.take(what, size) {
+            let n_bytes = size;
+            return Ok(Buffer { raw, first_byte: 0, n_bytes, len, values: PhantomData, reservation });
+        }
+        let buffer = self.allocate(what, len, usage, most, limit)?;
+        self.work_buffers.keep(what, buffer.parts());
+        Ok(buffer)
+    }
+
+    /// Frees [work buffers](Self::work_buffer) that no call uses. Returns whether there were any.
+    pub fn free_work_buffers(&self) -> bool {
+        self.work_buffers.free()
+    }
+
     /// Overwrites the first values of `buffer`. Takes effect before the next submission.
     pub fn write<T: Pod>(&self, buffer: &Buffer<T>, values: &[T]) {
         assert!(values.len() <= buffer.len, "a buffer of {} takes no {} values", buffer.len, values.len());
@@ -138,6 +179,16 @@ impl Gpu {
         most: u64,
         limit: &'static str,
     ) -> Result<Buffer<T>, GpuError> {
+        let size = self.checked_size::<T>(what, len, most, limit)?;
+        match self.allocate_once(what, len, size, usage) {
+            // Buffers of earlier calls may have the memory.
+            Err(GpuError::OutOfMemory { .. }) if self.free_work_buffers() => self.allocate_once(what, len, size, usage),
+            made => made,
+        }
+    }
+
+    /// Bytes of a buffer, checked against the limit of a binding and that of a buffer.
+    fn checked_size<T: Pod>(&self, what: &str, len: usize, most: u64, limit: &'static str) -> Result<u64, GpuError> {
         self.check()?;
         let size = Self::n_bytes_of::<T>(len);
         let most = most.min(self.limits().max_buffer_size);
@@ -145,6 +196,16 @@ impl Gpu {
             let remedy = "use a smaller scene";
             return Err(GpuError::Limit { what: what.to_owned(), need: size, limit, most, remedy });
         }
+        Ok(size)
+    }
+
+    fn allocate_once<T: Pod>(
+        &self,
+        what: &str,
+        len: usize,
+        size: u64,
+        usage: BufferUsages,
+    ) -> Result<Buffer<T>, GpuError> {
         // The driver's message does not contain the name of the buffer.
         let no_memory = || GpuError::OutOfMemory { what: format!("{what} of {size} bytes") };
         let reservation = self.memory.take(size).ok_or_else(no_memory)?;
@@ -183,6 +244,25 @@ impl Gpu {
         self.read(&gathered).await
     }
 
+    /// The first values of a buffer and the first words of others, in one read.
+    ///
+    /// # Errors
+    /// As for [`Gpu::read`].
+    pub async fn read_beside<T: Pod>(
+        &self,
+        buffer: &Buffer<T>,
+        len: usize,
+        beside: &[(&Buffer<u32>, usize)],
+    ) -> Result<(Vec<T>, Vec<u32>), GpuError> {
+        let words = beside.iter().map(|(words, n)| words.slot(0, (*n).min(words.len)));
+        self.download(buffer, buffer.len.min(len), &words.collect::<Vec<_>>()).await
+    }
+
+    /// Reads back words of several buffers at once.
+    pub(crate) async fn read_slots(&self, slots: &[Slot<'_>]) -> Result<Vec<u32>, GpuError> {
+        self.download_words(slots).await
+    }
+
     /// Reads back all values of `buffer`, after all submitted work.
     ///
     /// # Errors
@@ -196,7 +276,7 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::read`].
     pub async fn read_first<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
-        self.download(buffer, buffer.len.min(len)).await
+        Ok(self.download(buffer, buffer.len.min(len), &[]).await?.0)
     }
 }
 

@@ -6,6 +6,7 @@ use wgpu::{
     ComputePassDescriptor, ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
 };
 
+use crate::buffer::Slot;
 use crate::{Buffer, Gpu, GpuError, Kernel, Variant, block_on};
 
 /// Maximum number of timed passes per submission. Each uses two queries of the 4,096 that a query set may have.
@@ -52,14 +53,6 @@ struct Timed {
 
 /// A resource and the name of the shader variable it is bound to.
 pub type NamedBinding<'a> = (&'a str, &'a dyn AsBinding);
-
-/// A part of a buffer.
-#[derive(Clone, Copy)]
-pub(crate) struct Slot<'a> {
-    pub(crate) buffer: &'a wgpu::Buffer,
-    pub(crate) first_byte: u64,
-    pub(crate) n_bytes: u64,
-}
 
 impl AsBinding for Slot<'_> {
     fn resource(&self) -> wgpu::BindingResource<'_> {
@@ -220,6 +213,12 @@ impl Commands<'_> {
         let bytes = |n: u32| u64::from(n) * size_of::<T>() as u64;
         let (first, at) = (from.first_byte + bytes(first), to.first_byte + bytes(at));
         self.encoder.get().copy_buffer_to_buffer(&from.raw, first, &to.raw, at, bytes(n));
+    }
+
+    /// Copies a part of a buffer to the words from a word on.
+    pub(crate) fn copy_slot(&mut self, from: &Slot<'_>, to: &Buffer<u32>, word: u32) {
+        let at = to.first_byte + 4 * u64::from(word);
+        self.encoder.get().copy_buffer_to_buffer(from.buffer, from.first_byte, &to.raw, at, from.n_bytes);
     }
 
     /// Fills `n` values with zeros.

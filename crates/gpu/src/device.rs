@@ -16,7 +16,7 @@ use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints
 
 use crate::adapter::{AdapterInfo, Choice, choose, facts_of};
 use crate::block_on;
-use crate::memory::{Counters, FrameBuffers, Memory, Staging};
+use crate::memory::{Counters, FrameBuffers, Memory, Staging, WorkBuffers};
 use crate::pipelines::KeptPipelines;
 #[cfg(not(target_family = "wasm"))]
 use crate::timeout::AdaptiveTimeout;
@@ -42,6 +42,8 @@ pub struct Gpu {
     /// Whether all kernels keep the checks of `wgpu`; see [`crate::trusted`].
     is_checked: AtomicBool,
     pub(crate) staging: Staging,
+    /// See [`Gpu::work_buffer`].
+    pub(crate) work_buffers: WorkBuffers,
     /// See [`crate::commands::longest_loop`].
     pub(crate) longest_loop: OnceLock<u32>,
 }
@@ -140,6 +142,7 @@ impl Gpu {
             counters: Counters::default(),
             is_checked: AtomicBool::new(false),
             staging: Staging::default(),
+            work_buffers: WorkBuffers::default(),
             longest_loop: OnceLock::new(),
         }
     }

@@ -40,6 +40,11 @@ impl Memory {
         self.0.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add).ok()?;
         Some(Reservation { memory: self.clone(), n_bytes })
     }
+
+    /// Whether more is reserved than the limit, which was lowered since.
+    pub(crate) fn is_exceeded(&self) -> bool {
+        self.0.taken.load(Ordering::Relaxed) > self.0.most.load(Ordering::Relaxed)
+    }
 }
 
 impl Drop for Reservation {
@@ -59,6 +64,8 @@ pub struct Traffic {
     pub n_dispatches: u64,
     /// Bytes of buffers read by the CPU.
     pub downloaded_bytes: u64,
+    /// Reads of buffers by the CPU, of which one may bring values of several.
+    pub n_downloads: u64,
 }
 
 impl Sub for Traffic {
@@ -70,6 +77,7 @@ impl Sub for Traffic {
             n_uploads: self.n_uploads - before.n_uploads,
             n_dispatches: self.n_dispatches - before.n_dispatches,
             downloaded_bytes: self.downloaded_bytes - before.downloaded_bytes,
+            n_downloads: self.n_downloads - before.n_downloads,
         }
     }
 }
@@ -80,16 +88,18 @@ pub(crate) struct Counters {
     uploads: AtomicU64,
     dispatches: AtomicU64,
     downloaded: AtomicU64,
+    downloads: AtomicU64,
 }
 
 impl Counters {
     pub(crate) fn traffic(&self) -> Traffic {
-        let Self { bytes, uploads, dispatches, downloaded } = self;
+        let Self { bytes, uploads, dispatches, downloaded, downloads } = self;
         Traffic {
             uploaded_bytes: bytes.load(Ordering::Relaxed),
             n_uploads: uploads.load(Ordering::Relaxed),
             n_dispatches: dispatches.load(Ordering::Relaxed),
             downloaded_bytes: downloaded.load(Ordering::Relaxed),
+            n_downloads: downloads.load(Ordering::Relaxed),
         }
     }
 
@@ -102,8 +112,13 @@ impl Counters {
         self.dispatches.fetch_add(1, Ordering::Relaxed);
     }
 
-    pub(crate) fn add_download(&self, bytes: u64) {
+    /// A piece of a download.
+    pub(crate) fn add_piece(&self, bytes: u64) {
         self.downloaded.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    pub(crate) fn add_download(&self) {
+        self.downloads.fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -139,6 +154,53 @@ impl Staging {
         {
             free.swap_remove(i);
         }
+    }
+}
+
+/// How many times as large as needed a work buffer may be.
+const MOST_TIMES: u64 = 4;
+
+/// Buffers whose contents serve one call, by name: those that nothing uses any more serve the next one.
+#[derive(Default)]
+pub(crate) struct WorkBuffers(Mutex<HashMap<String, Vec<Owned>>>);
+
+/// A buffer and its memory.
+type Owned = (wgpu::Buffer, Arc<Reservation>);
+
+impl WorkBuffers {
+    /// The smallest of at least `size` bytes, and not many times as many, that nothing uses. If there is none, one that is too small is freed.
+    pub(crate) fn take(&self, name: &str, size: u64) -> Option<Owned> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let list = kept.get_mut(name)?;
+        let unused = (0..list.len()).filter(|&i| Arc::strong_count(&list[i].1) == 1);
+        let (fitting, small): (Vec<usize>, Vec<usize>) = unused.partition(|&i| list[i].0.size() >= size);
+        if let Some(i) = fitting.into_iter().min_by_key(|&i| list[i].0.size()) {
+            // A large one is not bound up by little: it can be freed.
+            let is_close = list[i].0.size() <= MOST_TIMES * size.max(LEAST);
+            return is_close.then(|| list[i].clone());
+        }
+        if let Some(i) = small.into_iter().max_by_key(|&i| list[i].0.size()) {
+            list.swap_remove(i);
+        }
+        None
+    }
+
+    /// Keeps a buffer.
+    pub(crate) fn keep(&self, name: &str, buffer: Owned) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.entry(name.to_owned()).or_default().push(buffer);
+    }
+
+    /// Frees those that nothing uses. Returns whether there were any.
+    pub(crate) fn free(&self) -> bool {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut n_freed = 0;
+        for list in kept.values_mut() {
+            let n = list.len();
+            list.retain(|(_, reservation)| Arc::strong_count(reservation) > 1);
+            n_freed += n - list.len();
+        }
+        n_freed > 0
     }
 }
 

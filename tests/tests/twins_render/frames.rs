@@ -5,11 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
 use canted_fixtures::icosphere;
+use canted_gpu::build::WideConfig;
 use canted_gpu::{Gpu, Traffic, block_on};
-use canted_lbvh::Strategy;
+use canted_lbvh::{Bits, Strategy};
 use canted_renderer::{
     BvhKind, DeviceFrames, DevicePicture, Integrator, Levels, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces,
-    UpdateOptions,
+    UpdateOptions, traced_frame,
 };
 use canted_scene::{Camera, Scene};
 
@@ -17,7 +18,12 @@ use super::gpu;
 use super::scenes::{instance, mesh, room};
 
 pub(crate) fn tests() -> Vec<Test> {
-    vec![needs_device(frames_upload_what_changed), needs_device(frames_of_binary_bvhs_are_updated_on_the_device)]
+    vec![
+        needs_device(frames_upload_what_changed),
+        needs_device(frames_of_binary_bvhs_are_updated_on_the_device),
+        needs_device(a_frame_of_a_small_mesh_takes_few_dispatches_and_downloads_its_picture),
+        needs_device(faults_are_read_back_where_they_may_be),
+    ]
 }
 
 fn settings() -> Settings {
@@ -123,5 +129,57 @@ fn frames_of_binary_bvhs_are_updated_on_the_device() {
         assert!(of(4).n_dispatches > of(3).n_dispatches, "{found:?}");
         assert!(of(4).uploaded_bytes <= 8 * 1024 + sizes(4), "{found:?}");
         assert!(of(4).n_dispatches < of(0).n_dispatches + of(3).n_dispatches, "{found:?}");
+    }
+}
+
+/// A frame of a sequence like that of the Fox: some hundred triangles in one level that deform, whose wide BVH the device builds again. It reads nothing back but
+/// the picture, at once.
+fn a_frame_of_a_small_mesh_takes_few_dispatches_and_downloads_its_picture() {
+    let gpu = gpu();
+    let (mut scene, camera) = room();
+    let ball = icosphere(2);
+    let number = u32::try_from(scene.meshes.len()).unwrap();
+    scene.meshes.push(mesh(ball.positions, ball.triangles, 1));
+    scene.instances.push(instance(number, [[0.8, 0.0, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0, 0.8], [0.0; 3]]));
+    let config = SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() };
+    let mut bvh = SceneBvh::build(&scene, &config).unwrap();
+    let wide = WideConfig { bits: Bits::B63, ..WideConfig::default() };
+    let mut frames = DeviceFrames::default().with_wide(wide);
+    let settings = settings();
+    let picture_bytes = u64::from(settings.width * settings.height) * 16;
+    for frame in 0..3 {
+        scene.meshes[number as usize].positions.iter_mut().for_each(|p| p[1] *= 1.1);
+        bvh.update(&scene, &UpdateOptions::default()).unwrap();
+        let surfaces = Surfaces::with_lod(&scene, settings.lod);
+        let before = gpu.traffic();
+        let picture = DevicePicture::in_frame(&gpu, &surfaces, &bvh, &camera, &settings, &mut frames).unwrap();
+        let film = rendered(&picture);
+        let traffic = gpu.traffic() - before;
+        let mut anew = DeviceFrames::default().with_wide(wide);
+        let fresh = DevicePicture::in_frame(&gpu, &surfaces, &bvh, &camera, &settings, &mut anew).unwrap();
+        assert!(film.pixels() == rendered(&fresh).pixels(), "frame {frame}");
+        if frame > 0 {
+            assert!(traffic.n_dispatches <= 20, "frame {frame}: {traffic:?}");
+            assert_eq!((traffic.n_downloads, traffic.downloaded_bytes), (1, picture_bytes), "frame {frame}");
+        }
+    }
+    assert_eq!((frames.updates().whole, frames.updates().rebuilds), (1, 2));
+}
+
+/// Only where rounding may decide whether the device places an instance, the next frame reads back whether it did.
+fn faults_are_read_back_where_they_may_be() {
+    let gpu = gpu();
+    let (mut scene, _) = room();
+    let mut bvh = SceneBvh::build(&scene, &two_levels()).unwrap();
+    let mut frames = DeviceFrames::default().with_wide(WideConfig::default());
+    drop(traced_frame(&gpu, &scene, &bvh, &mut frames).unwrap());
+    for (condition, n_downloads) in [(900.0, 0), (1000.0, 2), (1100.0, 2)] {
+        scene.instances[1].world_from_object.columns =
+            [[condition, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
+        bvh.update(&scene, &UpdateOptions::default()).unwrap();
+        let before = gpu.traffic();
+        let is_placed = traced_frame(&gpu, &scene, &bvh, &mut frames).is_ok();
+        assert_eq!(is_placed, condition < 1024.0);
+        assert_eq!((gpu.traffic() - before).n_downloads, n_downloads, "condition number {condition}");
     }
 }

@@ -14,6 +14,7 @@ use crate::sums::monitored;
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(streams_have_the_bits_of_one_kernel),
+        needs_device(rounds_that_samples_do_not_need_are_not_recorded),
         needs_device(the_cpu_takes_paths_that_streams_cut),
         needs_device(streams_leave_other_pictures_to_one_kernel),
     ]
@@ -34,7 +35,8 @@ fn rendered(
     let surfaces = Surfaces::with_lod(scene, settings.lod);
     let of = |scene: &Scene| Ok(make(traced_scene(gpu, scene, bvh)?));
     let picture = DevicePicture::over(gpu, &surfaces, bvh, camera, settings, of).unwrap();
-    let picture = picture.with_streams(are_streams).unwrap();
+    // The first samples are expected to need three rounds of rays, and the others what those needed: some end in rounds that follow.
+    let picture = picture.with_streams(are_streams).unwrap().expecting_rounds(1);
     monitored(|monitor| picture.render(vec![], monitor)).unwrap()
 }
 
@@ -78,6 +80,30 @@ fn streams_have_the_bits_of_one_kernel() {
             }
         }
     }
+}
+
+/// One dispatch of samples: all rounds are recorded once, then as many as samples needed and two more. A read brings samples and counts together; another one
+/// follows only where fewer rounds were expected than samples need.
+fn rounds_that_samples_do_not_need_are_not_recorded() {
+    let gpu = gpu();
+    let (scene, camera) = scenes::room();
+    let bvh = scene_bvh(&scene, Levels::One);
+    let settings = Settings { width: 24, height: 16, samples: 1, ..settings(Integrator::Path, 60) };
+    let surfaces = Surfaces::with_lod(&scene, settings.lod);
+    let picture = || DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings).unwrap().with_streams(true).unwrap();
+    let took = |picture: &DevicePicture<'_>| {
+        let before = gpu.traffic();
+        let film = monitored(|monitor| picture.render(vec![], monitor)).unwrap();
+        (film, gpu.traffic() - before)
+    };
+    let fresh = picture();
+    let [all, again, few] = [took(&fresh), took(&fresh), took(&picture().expecting_rounds(1))];
+    assert!(all.0 == again.0 && all.0 == few.0);
+    let found = [&all, &again, &few].map(|(_, traffic)| (traffic.n_dispatches, traffic.n_downloads));
+    // Start, finish, and six dispatches a round, but for the shadow rays of the first.
+    assert_eq!(found[0], (2 + 6 * 62 - 2, 1));
+    assert!(found[1].0 < found[0].0 && found[1].1 == 1, "{found:?}");
+    assert_eq!(found[2], (found[0].0 + 1, 2));
 }
 
 fn the_cpu_takes_paths_that_streams_cut() {

@@ -153,16 +153,17 @@ impl Built {
     /// Clustered trees of more than 127 levels, as degenerate input may give, whose boxes are not all computed; the device is lost.
     pub async fn depth(&self, gpu: &Gpu) -> Result<u32, GpuError> {
         let depth = gpu.read(&self.trees.depth).await?[0];
-        if depth > MAX_HEIGHT {
-            let what = format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}");
-            return Err(GpuError::Unsupported { what });
-        }
+        self.check_depth(depth)?;
         Ok(depth)
     }
 
-    /// Rejects clustered trees that are too deep. Of other trees nothing is read back: their depth is bounded.
-    pub(crate) async fn check_depth(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        if self.trees.is_clustered { self.depth(gpu).await.map(drop) } else { Ok(()) }
+    /// Rejects clustered trees of a depth that is too large. That of other trees is bounded.
+    pub(crate) fn check_depth(&self, depth: u32) -> Result<(), GpuError> {
+        if self.trees.is_clustered && depth > MAX_HEIGHT {
+            let what = format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}");
+            return Err(GpuError::Unsupported { what });
+        }
+        Ok(())
     }
 
     /// Root box of each tree, in its own space; `None` for an empty tree.

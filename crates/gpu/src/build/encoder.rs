@@ -123,10 +123,13 @@ impl Slice {
 pub(super) struct PassSize {
     groups: [u32; 3],
     n: u32,
-    pub(super) depth: u32,
+    depth: u32,
 }
 
 impl PassSize {
+    /// The word of the depth.
+    pub(super) const DEPTH: usize = 4;
+
     /// A size that is not found yet, of `n` items so far.
     pub(super) fn buffer(gpu: &Gpu, n: u32) -> Result<Buffer<Self>, GpuError> {
         let size = gpu.indirect("size of a dispatch", 1)?;

@@ -6,7 +6,7 @@ use canted_shaders::wgsl;
 
 use super::primitives::{Leaf, end_of, window};
 use super::{BuildEncoder, Primitives};
-use crate::commands::Slot;
+use crate::buffer::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// The mesh of an instance that is not placed, so that rays do not meet it.

@@ -9,7 +9,8 @@ use canted_obb::{Aabb, Obb};
 use wgpu::{BufferUsages, IndexFormat};
 
 use super::BuildEncoder;
-use crate::commands::Slot;
+use super::encoder::Dispatches;
+use crate::buffer::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// The primitives of one tree, as a range of the level's primitives.
@@ -180,6 +181,7 @@ pub struct IndexBuffer<'a> {
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct MeshLayout {
+    first_item: u32,
     first_word: u32,
     stride: u32,
     n_vertices: u32,
@@ -218,11 +220,9 @@ impl Primitives {
         meshes: &[MeshBuffers<'_>],
         faults: &Faults,
     ) -> Result<(), GpuError> {
-        let ranges = ranges(meshes)?;
-        (0..)
-            .zip(meshes)
-            .zip(ranges)
-            .try_for_each(|((number, mesh), range)| self.gather_mesh(build, mesh, number, range.first, faults))
+        let firsts = ranges(meshes)?.into_iter().map(|range| range.first);
+        let meshes: Vec<_> = (0..).zip(firsts).zip(meshes).collect();
+        self.gather_meshes(build, &meshes, faults)
     }
 
     /// Copies the vertices of a mesh, whose triangles start at `first_triangle`, and reports its faults.
@@ -234,25 +234,132 @@ impl Primitives {
         first_triangle: u32,
         faults: &Faults,
     ) -> Result<(), GpuError> {
+        self.gather_meshes(build, &[((number, first_triangle), mesh)], faults)
+    }
+
+    /// Copies the vertices of meshes, each with its number and the number of its first triangle, and reports faults. Small meshes share
+    /// dispatches: a kernel binds few buffers, so their buffers are copied into one before.
+    fn gather_meshes(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        meshes: &[((u32, u32), &MeshBuffers<'_>)],
+        faults: &Faults,
+    ) -> Result<(), GpuError> {
         let gpu = build.gpu();
         let Some(corners) = self.corners() else { return Ok(()) };
+        let all = meshes.iter().map(|&(numbers, mesh)| SourceMesh::new(gpu, numbers, mesh));
+        let all = all.collect::<Result<Vec<_>, GpuError>>()?;
+        let (small, large): (Vec<_>, Vec<_>) = all.into_iter().partition(SourceMesh::is_small);
+        build.stage("corners", |dispatches| {
+            let kernel = gpu.kernel(wgsl::build::scene::CORNERS, &Variant::none())?;
+            let dispatch =
+                |work: &mut Dispatches<'_>, layouts: &[MeshLayout], [vertices, indices]: [Slot<'_>; 2], n| {
+                    let layouts = gpu.buffer("mesh layouts", layouts)?;
+                    let bound: [NamedBinding<'_>; 5] = [
+                        ("mesh_layouts", &layouts),
+                        ("mesh_vertices", &vertices),
+                        ("mesh_indices", &indices),
+                        ("corners", &**corners),
+                        ("faults", faults),
+                    ];
+                    work.items(&kernel, &bound, n)
+                };
+            for ((number, _), _) in meshes {
+                dispatches.work.clear_range(faults, 2 * number, 2);
+            }
+            for one in &large {
+                dispatch(dispatches, &[one.layout], [one.vertices, one.indices], one.n_triangles)?;
+            }
+            let most = gpu.limits().max_storage_buffer_binding_size.min(MOST_COPIED);
+            for batch in batches(&small, most) {
+                if let [one] = batch {
+                    dispatch(dispatches, &[one.layout], [one.vertices, one.indices], one.n_triangles)?;
+                    continue;
+                }
+                let n_bytes: u64 = batch.iter().map(SourceMesh::n_bytes).sum();
+                let words = gpu.zeroed::<u32>("words of small meshes", (n_bytes / 4) as usize)?;
+                let (mut n_words, mut n_items, mut layouts) = (0, 0, vec![]);
+                for one in batch {
+                    layouts.push(one.moved(n_words, n_items));
+                    for part in one.parts() {
+                        dispatches.work.copy_slot(&part, &words, n_words);
+                        n_words += (part.n_bytes / 4) as u32;
+                    }
+                    n_items += one.n_triangles;
+                }
+                let words = words.slot(0, n_words as usize);
+                dispatch(dispatches, &layouts, [words, words], n_items)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Most bytes of vertices and indices of a small mesh, whose copy takes less than a dispatch, and of all that are copied together.
+const SMALL: u64 = 1 << 22;
+const MOST_COPIED: u64 = 1 << 26;
+
+/// A mesh in buffers of a program.
+struct SourceMesh<'a> {
+    layout: MeshLayout,
+    n_triangles: u32,
+    vertices: Slot<'a>,
+    indices: Slot<'a>,
+}
+
+impl<'a> SourceMesh<'a> {
+    /// A mesh with its number and the number of its first triangle.
+    fn new(gpu: &Gpu, (number, first_triangle): (u32, u32), mesh: &MeshBuffers<'a>) -> Result<Self, GpuError> {
         let (layout, vertices, indices) =
             layout(gpu, mesh).map_err(|message| GpuError::Input { message: format!("mesh {number}: {message}") })?;
         let layout = MeshLayout { first_triangle, first_fault: 2 * number, ..layout };
-        build.stage("corners", |dispatches| {
-            dispatches.work.clear_range(faults, 2 * number, 2);
-            let kernel = gpu.kernel(wgsl::build::scene::CORNERS, &Variant::none())?;
-            let uniform = gpu.uniform("mesh layout", &layout)?;
-            let bound: [NamedBinding<'_>; 5] = [
-                ("mesh_layout", &uniform),
-                ("mesh_vertices", &vertices),
-                ("mesh_indices", &indices),
-                ("corners", &**corners),
-                ("faults", faults),
-            ];
-            dispatches.items(&kernel, &bound, mesh.n_triangles)
-        })
+        Ok(Self { layout, n_triangles: mesh.n_triangles, vertices, indices })
     }
+
+    /// What the mesh reads: vertices, and indices if there are any.
+    fn parts(&self) -> impl Iterator<Item = Slot<'a>> + use<'a> {
+        [self.vertices].into_iter().chain((self.layout.index_bytes > 0).then_some(self.indices))
+    }
+
+    fn n_bytes(&self) -> u64 {
+        self.parts().map(|part| part.n_bytes).sum()
+    }
+
+    /// Whether it is small, and can be copied.
+    fn is_small(&self) -> bool {
+        let is_copied =
+            |part: Slot<'_>| part.buffer.usage().contains(BufferUsages::COPY_SRC) && part.n_bytes.is_multiple_of(4);
+        self.parts().all(is_copied) && self.n_bytes() <= SMALL
+    }
+
+    /// Its layout where its parts follow each other from a word on, and its triangles are items from `first_item` on.
+    fn moved(&self, first: u32, first_item: u32) -> MeshLayout {
+        let MeshLayout { first_word, first_index, index_bytes, .. } = self.layout;
+        let indices = first + (self.vertices.n_bytes / 4) as u32;
+        let per_word = if index_bytes == 2 { 2 } else { 1 };
+        MeshLayout {
+            first_item,
+            first_word: first + first_word,
+            first_index: first_index + per_word * indices,
+            ..self.layout
+        }
+    }
+}
+
+/// Meshes that are copied together: runs of at most so many bytes, or of one mesh.
+fn batches<'s, 'a>(meshes: &'s [SourceMesh<'a>], most: u64) -> Vec<&'s [SourceMesh<'a>]> {
+    let (mut runs, mut first, mut n_bytes) = (vec![], 0, 0);
+    for (i, mesh) in meshes.iter().enumerate() {
+        if i > first && n_bytes + mesh.n_bytes() > most {
+            runs.push(&meshes[first..i]);
+            (first, n_bytes) = (i, 0);
+        }
+        n_bytes += mesh.n_bytes();
+    }
+    if first < meshes.len() {
+        runs.push(&meshes[first..]);
+    }
+    runs
 }
 
 /// The first fault that a build found, as a sentence.
@@ -307,6 +414,7 @@ fn layout<'a>(gpu: &Gpu, mesh: &MeshBuffers<'a>) -> Result<(MeshLayout, Slot<'a>
     };
     let word = |x: u64| u32::try_from(x).map_err(|_| format!("an offset of {x} is out of range"));
     let layout = MeshLayout {
+        first_item: 0,
         first_word: word(first_word)?,
         stride: word(stride / 4)?,
         n_vertices,

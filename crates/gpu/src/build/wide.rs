@@ -18,6 +18,7 @@ use super::built::Built;
 use super::encoder::{PassSize, Slice};
 use super::primitives::{Range, count};
 use super::sort::prefix_sums;
+use crate::buffer::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// Most triangles of a leaf: those that a ray tests at once.
@@ -116,18 +117,29 @@ impl WideBvhs {
     /// # Errors
     /// The device is lost.
     pub async fn depths(&self, gpu: &Gpu) -> Result<Vec<u32>, GpuError> {
-        self.collapse.depths(gpu).await
+        Ok(self.collapse.depths_beside(gpu, None).await?.0)
     }
 }
 
 impl Collapse {
-    /// As [`WideBvhs::depths`].
-    pub(crate) async fn depths(&self, gpu: &Gpu) -> Result<Vec<u32>, GpuError> {
-        let mut depths = vec![];
-        for level in &self.levels {
-            depths.push(level.depth(gpu).await?);
-        }
+    /// As [`WideBvhs::depths`], of trees that were clustered from `bottom`, or others.
+    ///
+    /// # Errors
+    /// As for [`Built::depth`].
+    pub(crate) async fn depths(&self, gpu: &Gpu, bottom: &Built) -> Result<Vec<u32>, GpuError> {
+        let (depths, of_binary) = self.depths_beside(gpu, Some(&bottom.trees.depth)).await?;
+        bottom.check_depth(of_binary)?;
         Ok(depths)
+    }
+
+    /// The depth of each level and another one, in one read.
+    async fn depths_beside(&self, gpu: &Gpu, other: Option<&Buffer<u32>>) -> Result<(Vec<u32>, u32), GpuError> {
+        let of_levels = self.levels.iter().flat_map(|level| &level.passes).map(|pass| pass.slot(PassSize::DEPTH, 1));
+        let slots: Vec<Slot<'_>> = of_levels.chain(other.map(|depth| depth.slot(0, 1))).collect();
+        let mut words = gpu.read_slots(&slots).await?.into_iter();
+        let of_level = |level: &CollapsedLevel| words.by_ref().take(level.passes.len()).max().unwrap_or(0);
+        let depths = self.levels.iter().map(of_level).collect();
+        Ok((depths, words.next().unwrap_or(0)))
     }
 
     /// Writes nodes and triangles of trees of a level again, after their binary trees have changed. Reads nothing back.
@@ -334,15 +346,6 @@ impl CollapsedLevel {
             Ok(())
         })?;
         Ok(passes)
-    }
-
-    /// Reads back the depth of the trees when they were first collapsed.
-    async fn depth(&self, gpu: &Gpu) -> Result<u32, GpuError> {
-        let mut depth = 0;
-        for pass in &self.passes {
-            depth = depth.max(gpu.read(pass).await?[0].depth);
-        }
-        Ok(depth)
     }
 
     /// Gives the wide nodes of trees their kinds and places in memory.

@@ -176,12 +176,12 @@ impl NewNodes {
     /// As for [`Built::depth`].
     pub(super) async fn depth(&self, gpu: &Gpu, bottom: &Built, top: Option<&Built>) -> Result<u32, GpuError> {
         if let Nodes::Wide(WideNodes { collapse: Some(collapse), .. }) = &self.nodes {
-            bottom.check_depth(gpu).await?;
-            return Ok(collapse.depths(gpu).await?.iter().sum());
+            return Ok(collapse.depths(gpu, bottom).await?.iter().sum());
         }
-        let of_bottom = bottom.depth(gpu).await?;
-        let Some(top) = top else { return Ok(of_bottom) };
-        Ok(of_bottom + top.depth(gpu).await?)
+        let depths = [Some(bottom), top].into_iter().flatten().map(|built| built.trees.depth.slot(0, 1));
+        let depths = gpu.read_slots(&depths.collect::<Vec<_>>()).await?;
+        bottom.check_depth(depths[0])?;
+        Ok(depths.iter().sum())
     }
 
     /// Greatest depth of these BVHs and of any that the device builds in their place. Read back is only that of clustered trees.
@@ -201,8 +201,7 @@ impl NewNodes {
         match &self.nodes {
             // A clustered tree may be deeper than a radix tree.
             Nodes::Wide(WideNodes { collapse: Some(collapse), .. }) if bottom.trees.is_clustered => {
-                bottom.check_depth(gpu).await?;
-                Ok(of_any.max(collapse.depths(gpu).await?[0] + depth_bound(n_top, TOP_BITS)))
+                Ok(of_any.max(collapse.depths(gpu, bottom).await?[0] + depth_bound(n_top, TOP_BITS)))
             }
             _ => Ok(of_any),
         }

@@ -22,12 +22,17 @@ impl RayList {
     /// # Errors
     /// More than the work-groups of a dispatch take, 4,194,240, or another limit of the device.
     pub fn new(gpu: &Gpu, n: usize) -> Result<Self, GpuError> {
-        if n > MOST {
-            let what = format!("a list of {n} rays");
-            let (limit, remedy) = ("rays in a dispatch", "trace them in parts");
-            return Err(GpuError::Limit { what, need: n as u64, limit, most: MOST as u64, remedy });
-        }
+        check_len(n)?;
         Ok(Self { words: gpu.indirect("list of rays", HEAD + n)? })
+    }
+
+    /// A list with room for `n` in [memory that serves again](Gpu::work_buffer), to be [cleared](Self::clear) before its first use.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn uncleared(gpu: &Gpu, n: usize) -> Result<Self, GpuError> {
+        check_len(n)?;
+        Ok(Self { words: gpu.work_buffer("list of rays", HEAD + n)? })
     }
 
     /// How many rays it has room for.
@@ -53,8 +58,8 @@ impl RayList {
         commands.dispatch_indirect(kernel, bound, &self.words, 0)
     }
 
-    /// Copies how many are listed.
-    pub(super) fn copy_count(&self, commands: &mut Commands<'_>, to: &Buffer<u32>, at: u32) {
+    /// Copies how many are listed to a word of a buffer.
+    pub fn copy_count(&self, commands: &mut Commands<'_>, to: &Buffer<u32>, at: u32) {
         commands.copy_range((&self.words, HEAD as u32 - 1), (to, at), 1);
     }
 
@@ -73,6 +78,15 @@ impl RayList {
     pub async fn listed(&self, gpu: &Gpu, n: u32) -> Result<Vec<u32>, GpuError> {
         Ok(gpu.read_first(&self.words, HEAD + n as usize).await?.split_off(HEAD))
     }
+}
+
+fn check_len(n: usize) -> Result<(), GpuError> {
+    if n > MOST {
+        let what = format!("a list of {n} rays");
+        let (limit, remedy) = ("rays in a dispatch", "trace them in parts");
+        return Err(GpuError::Limit { what, need: n as u64, limit, most: MOST as u64, remedy });
+    }
+    Ok(())
 }
 
 impl AsBinding for RayList {

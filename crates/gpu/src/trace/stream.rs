@@ -51,8 +51,8 @@ impl TracedScene {
         Ok(StreamQueries {
             closest: kernels(&CLOSEST, own_closest)?,
             occluded: kernels(&OCCLUDED, own_occluded)?,
-            undecided: RayList::new(gpu, n)?,
-            counts: gpu.zeroed("exact rays of queries", MAX_COUNTED)?,
+            undecided: RayList::uncleared(gpu, n)?,
+            counts: gpu.work_buffer("exact rays of queries", MAX_COUNTED)?,
             n_counted: 0,
         })
     }
@@ -130,12 +130,9 @@ impl StreamQueries {
         Ok(())
     }
 
-    /// How many rays exact kernels traced since the last call, of commands that were submitted; of the first 256 queries.
-    ///
-    /// # Errors
-    /// The device is lost or does not finish.
-    pub async fn take_exact_count(&mut self, gpu: &Gpu) -> Result<u64, GpuError> {
-        let n = std::mem::take(&mut self.n_counted);
-        Ok(gpu.read_first(&self.counts, n).await?.into_iter().map(u64::from).sum())
+    /// How many rays exact kernels traced since the last call, in commands that were submitted: for each query a word, which the caller [reads beside
+    /// others](Gpu::read_beside) and adds; of the first 256 queries.
+    pub fn take_exact_counts(&mut self) -> (&Buffer<u32>, usize) {
+        (&self.counts, std::mem::take(&mut self.n_counted))
     }
 }

@@ -9,6 +9,8 @@ pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(only_changed_parts_are_uploaded),
         needs_device(buffers_read_back_unchanged),
+        needs_device(several_buffers_come_in_one_read),
+        needs_device(work_buffers_serve_again_within_the_limits),
         needs_device(a_kernel_runs_and_is_timed),
         needs_device(a_missing_binding_is_reported),
         needs_device(exceeding_a_limit_is_reported_with_a_remedy),
@@ -23,6 +25,58 @@ fn buffers_read_back_unchanged() {
         let values: Vec<u32> = (0..n).collect();
         assert_eq!(block_on(gpu.read(&gpu.buffer("values", &values).unwrap())).unwrap(), values);
     }
+}
+
+/// Also where the values come in several pieces, or where there are none.
+fn several_buffers_come_in_one_read() {
+    let gpu = gpu();
+    let counts = [gpu.buffer("counts", &[1_u32, 2, 3]).unwrap(), gpu.buffer("counts", &[4_u32]).unwrap()];
+    for n in [0_u32, 5, 5 << 20] {
+        let values: Vec<u32> = (0..n).collect();
+        let there = gpu.buffer("values", &values).unwrap();
+        let before = gpu.traffic();
+        let beside = [(&counts[0], 2), (&counts[1], 9)];
+        assert!(
+            block_on(gpu.read_beside(&there, values.len(), &beside)).unwrap() == (values, vec![1, 2, 4]),
+            "{n} values"
+        );
+        let Traffic { n_downloads, downloaded_bytes, .. } = gpu.traffic() - before;
+        assert_eq!((n_downloads, downloaded_bytes), (1, 4 * u64::from(n) + 12));
+    }
+}
+
+fn work_buffers_serve_again_within_the_limits() {
+    let gpu = lowered(1 << 16);
+    let of = |len: usize| gpu.work_buffer::<u32>("rays", len);
+    let first = of(1000).unwrap();
+    let memory = first.wgpu().clone();
+    // It is in use, or has another name.
+    assert!(*of(10).unwrap().wgpu() != memory);
+    assert!(*gpu.work_buffer::<u32>("hits", 1000).unwrap().wgpu() != memory);
+    drop(first);
+    // A smaller one has the size that was asked for.
+    let second = of(900).unwrap();
+    assert!(*second.wgpu() == memory && second.len() == 900 && second.n_bytes() == 3600);
+    drop(second);
+    // A much larger one is left alone.
+    let large = of(1 << 14).unwrap().wgpu().clone();
+    assert!(*of(100).unwrap().wgpu() != large);
+    gpu.free_work_buffers();
+    assert!(*of(1001).unwrap().wgpu() != memory);
+    // The limit of a binding holds, and that of the memory: what nothing uses is freed, what is in use is not.
+    assert!(matches!(of((1 << 14) + 1), Err(GpuError::Limit { .. })));
+    gpu.free_work_buffers();
+    let kept = of(1 << 14).unwrap();
+    drop(of(1 << 14).unwrap());
+    gpu.limit_memory(5 << 15);
+    let other = gpu.zeroed::<u32>("other", 1 << 14).unwrap();
+    assert!(matches!(of(1 << 14), Err(GpuError::OutOfMemory { .. })));
+    drop((kept, other));
+    gpu.limit_memory(1 << 15);
+    assert!(matches!(of(1 << 14), Err(GpuError::OutOfMemory { .. })));
+    drop(of(1 << 13).unwrap());
+    assert!(gpu.free_work_buffers());
+    assert!(!gpu.free_work_buffers());
 }
 
 fn a_kernel_runs_and_is_timed() {

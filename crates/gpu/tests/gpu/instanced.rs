@@ -17,6 +17,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(every_recorded_change_equals_a_fresh_build),
         needs_device(a_forgotten_update_is_seen),
         needs_device(updates_of_two_levels_take_few_dispatches),
+        needs_device(many_small_meshes_take_the_dispatches_of_few),
         needs_device(few_instances_and_empty_scenes_are_traced),
         needs_device(faults_of_meshes_and_layouts_of_instances_are_reported),
         needs_device(a_lost_device_of_the_program_is_reported),
@@ -160,6 +161,101 @@ fn updates_of_two_levels_take_few_dispatches() {
             assert!(found.iter().zip(most).all(|(&found, most)| found <= most), "{bvh:?}: {found:?}, not {most:?}");
         }
     }
+}
+
+/// Any number of small meshes of different layouts take the dispatches of a few, and have the BVHs of each by itself: hits are those of a build from
+/// the host. Meshes that cannot be copied take one more each.
+fn many_small_meshes_take_the_dispatches_of_few() {
+    let (device, queue) = opened();
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let config = WideConfig::from(BuildConfig { bits: Bits::B63, strategy: Strategy::Combined });
+    // Mesh k has 3 + k % 4 sides of a cone, in a buffer of its own, behind other words: with indices of 16 or 32 bits, or none.
+    let cone = |k: u32| -> Vec<Corners> {
+        let n = 3 + k % 4;
+        let rim = |i: u32| {
+            let (s, c) = (6.3 * (i % n) as f32 / n as f32).sin_cos();
+            [2.0 * c, 2.0 * s, 0.0]
+        };
+        (0..n).map(|i| [rim(i), rim(i + 1), [0.1, 0.0, 1.0 + (k % 5) as f32]]).collect()
+    };
+    let words = |k: u32| -> Vec<f32> {
+        let points = cone(k).into_iter().flatten().flat_map(|p| [p[0], p[1], p[2], 9.0]);
+        std::iter::repeat_n(7.0, 1 + (k % 90) as usize).chain(points).collect()
+    };
+    let in_order: Vec<u32> = std::iter::once(99).chain(0..18).collect();
+    let short: Vec<u16> = in_order.iter().map(|&i| u16::try_from(i).unwrap()).chain([0]).collect();
+    let indices = [buffer(&device, bytemuck::cast_slice(&short)), buffer(&device, bytemuck::cast_slice(&in_order))];
+    let formats = [wgpu::IndexFormat::Uint16, wgpu::IndexFormat::Uint32];
+    let rays_at = |n: u32| -> Vec<Ray> {
+        let ray = |i: u32| {
+            let [x, y] = [(i % 60) as f32 * 0.66 - 2.0, (i / 60) as f32 * 0.7 - 2.0];
+            Ray::new([x, y, 9.0], [0.03, -0.02, -1.0])
+        };
+        (0..60 * n.div_ceil(10) * 6).map(ray).collect()
+    };
+    let mut found = vec![];
+    for (n, can_copy) in [(3, true), (60, true), (20, false)] {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let vertices: Vec<wgpu::Buffer> = (0..n)
+            .map(|k| {
+                let contents = words(k);
+                let contents: &[u8] = bytemuck::cast_slice(&contents);
+                if can_copy {
+                    return buffer(&device, contents);
+                }
+                let size = contents.len() as u64;
+                let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
+                let own = device.create_buffer(&descriptor);
+                queue.write_buffer(&own, 0, contents);
+                own
+            })
+            .collect();
+        let meshes: Vec<MeshBuffers<'_>> = (0..n)
+            .map(|k| {
+                let n_triangles = 3 + k % 4;
+                let number = k as usize % 3;
+                let index = |number: usize| IndexBuffer {
+                    buffer: &indices[number],
+                    format: formats[number],
+                    first_byte: formats[number].byte_size() as u64,
+                };
+                MeshBuffers {
+                    vertices: &vertices[k as usize],
+                    first_byte: 4 * u64::from(1 + k % 90),
+                    stride: 16,
+                    n_vertices: 3 * n_triangles,
+                    indices: (number < 2).then(|| index(number)),
+                    n_triangles,
+                }
+            })
+            .collect();
+        let placed: Vec<(u32, Affine)> = (0..n)
+            .map(|k| {
+                let [x, y] = [(k % 10) as f32 * 4.0, (k / 10) as f32 * 4.0];
+                (k, Affine { columns: [[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.2, 1.0], [x, y, 0.0]] })
+            })
+            .collect();
+        let transforms = buffer(&device, bytemuck::cast_slice(&self::words(&placed)));
+        let (first_byte, stride) = (4 * FIRST as u64, 4 * STRIDE as u64);
+        let instances = InstanceBuffer { buffer: &transforms, first_byte, stride, n_instances: n, has_masks: false };
+        let mut scene = block_on(InstancedScene::new(&gpu, &meshes, &instances, config)).unwrap();
+        let before = gpu.traffic();
+        let mut encoder = gpu.encoder();
+        scene.rebuild(&gpu, &mut encoder, &meshes, &instances).unwrap();
+        gpu.submit(encoder).unwrap();
+        found.push((gpu.traffic() - before).n_dispatches);
+        block_on(scene.check(&gpu)).unwrap();
+        let corners: Vec<Vec<Corners>> = (0..n).map(cone).collect();
+        let instances: Vec<Instance> = placed.iter().map(|&(mesh, map)| Instance::new(mesh, map)).collect();
+        let source = Source::build(&corners, config).with_instances(&instances);
+        let expected = block_on(TracedScene::new(&gpu, source, Options::default())).unwrap();
+        let hits = |scene: &TracedScene| block_on(scene.closest_hits(&gpu, &rays_at(n))).unwrap();
+        let (hits, expected) = (hits(scene.traced()), hits(&expected));
+        assert!(hits == expected, "{n} meshes");
+        let n_hits = hits.iter().filter(|hit| matches!(hit, Outcome::Complete(Some(_)))).count();
+        assert!(n_hits > 10 * n as usize && n_hits < hits.len(), "{n} meshes: {n_hits} hits");
+    }
+    assert!(found[1] <= 40 && found[1] == found[0] && found[2] == found[0] + 19, "{found:?}");
 }
 
 fn every_recorded_change_equals_a_fresh_build() {

@@ -1,12 +1,13 @@
 //! Takes samples on a GPU, about 100 ms at a time, and collects them into tiles.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use canted_film::{Block, CELL, Components, Dyadic, Guide, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
-use super::picture::{CELL_PIXELS, Slice};
+use super::picture::{CELL_PIXELS, Pace, Slice};
 use super::records::{
     PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun, Taken,
     n_records,
@@ -49,6 +50,7 @@ pub(super) struct SampleDispatcher<'a, R> {
     first_light: Option<Buffer<PackedFirstLight>>,
     /// Work-groups of the next dispatch.
     n_groups: u32,
+    pace: Arc<Pace>,
     /// Rays of streams that exact kernels traced.
     pub(super) n_exact_rays: u64,
 }
@@ -58,18 +60,18 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
     pub(super) fn new(
         gpu: &'a Gpu,
         traced: &TracedScene,
-        kernels: RenderKernels,
+        (kernels, pace): (RenderKernels, &Arc<Pace>),
         n_groups: u32,
     ) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, block: 1 };
         let slice = gpu.uniform("slice", &slice)?;
-        let kernels = ReadyKernels::new(gpu, traced, kernels, MAX.min(n_groups.max(1)))?;
+        let kernels = ReadyKernels::new(gpu, traced, (kernels, pace), MAX.min(n_groups.max(1)))?;
         let n = kernels.max_groups;
-        let records = gpu.zeroed(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
+        let records = gpu.work_buffer(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
         let n_samples = n as usize * CELL_PIXELS;
-        let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n_samples)).transpose()?;
-        let components = kernels.has_components.then(|| gpu.zeroed("components", n_samples)).transpose()?;
-        let first_light = kernels.has_first_light.then(|| gpu.zeroed("first_light", n_samples)).transpose()?;
+        let guides = kernels.has_guides().then(|| gpu.work_buffer("guides", n_samples)).transpose()?;
+        let components = kernels.has_components.then(|| gpu.work_buffer("components", n_samples)).transpose()?;
+        let first_light = kernels.has_first_light.then(|| gpu.work_buffer("first_light", n_samples)).transpose()?;
         Ok(Self {
             gpu,
             kernels,
@@ -78,7 +80,9 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
             guides,
             components,
             first_light,
-            n_groups: FIRST.min(n),
+            // A first dispatch, which includes compilation, is no reason for fewer.
+            n_groups: pace.n_groups().max(FIRST).min(n),
+            pace: pace.clone(),
             n_exact_rays: 0,
         })
     }
@@ -148,10 +152,20 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
         let kept = guides.into_iter().chain(components).chain(first_light);
         let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
-        self.n_exact_rays += self.kernels.run(self.gpu, &bindings, n)?;
+        self.kernels.run(self.gpu, &bindings, n)?;
         let time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
-        found.records.extend(block_on(self.gpu.read_first(&self.records, n_samples / slice.block as usize))?);
+        let n_records = n_samples / slice.block as usize;
+        loop {
+            let (records, beside) = block_on(self.gpu.read_beside(&self.records, n_records, &self.kernels.beside()))?;
+            let (n_exact, is_done) = self.kernels.took(&beside);
+            self.n_exact_rays += n_exact;
+            if is_done {
+                found.records.extend(records);
+                break;
+            }
+            self.kernels.run_rest(self.gpu, &bindings, n)?;
+        }
         if let Some(guides) = &self.guides {
             found.guides.extend(block_on(self.gpu.read_first(guides, n_samples))?);
         }
@@ -162,6 +176,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
             found.first_light.extend(block_on(self.gpu.read_first(first_light, n_samples))?);
         }
         self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
+        self.pace.set_groups(self.n_groups);
         Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use canted_film::{Aov, CELL, Film, Filter, Tile};
@@ -8,7 +9,7 @@ use canted_scene::{Camera, Lobes, Scene};
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::lights::{DeviceSky, SampledLights};
-use super::picture::{self, PackedPicture};
+use super::picture::{self, Pace, PackedPicture};
 use super::records::{self, LightKernels, PackedSample, PackedSum, RenderKernels, SampleRecord};
 use super::scene::PackedScene;
 use super::streams::StreamKernels;
@@ -47,6 +48,7 @@ pub struct DevicePicture<'a> {
     /// Whether its rays can be traced as streams.
     can_stream: bool,
     n_exact_rays: AtomicU64,
+    pace: Arc<Pace>,
     pub(super) kernels: RenderKernels,
     /// Instance and primitive at the center of each pixel, where a raster pass found them.
     pub(super) first_seen: Option<Buffer<[u32; 2]>>,
@@ -63,6 +65,15 @@ fn changes_albedo(lobes: &Lobes) -> bool {
 
 /// Most rounds of streams: rounds in which no sample is left cost dispatches, too.
 const MOST_ROUNDS: u32 = 64;
+
+/// Samples of a frame of a sequence up to which one kernel takes each with all its rays: streams of so few cost more in dispatches than they save (the Fox,
+/// one sample of 200 x 112 pixels and four: 0.45 and 2.8 s, as streams 1.0 and 2.7 s; llvmpipe, loaded machine, 2026-11-29).
+const FEW_SAMPLES: u32 = 1 << 16;
+
+/// Whether a frame has so few samples.
+fn is_small(settings: &Settings) -> bool {
+    n_groups(settings).saturating_mul(CELL * CELL) <= FEW_SAMPLES
+}
 
 /// How often the samples of a picture are shaded as streams.
 fn n_rounds(scene: &Scene, settings: &Settings) -> u32 {
@@ -133,7 +144,7 @@ impl<'a> DevicePicture<'a> {
         settings: &'a Settings,
         make: impl FnOnce(&Scene) -> Result<TracedScene, DeviceError>,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, bvh, camera, settings, |scene| Ok(Traced::Own(make(scene)?)))
+        Self::made(gpu, surfaces, bvh, (camera, settings), true, |scene| Ok(Traced::Own(make(scene)?)))
     }
 
     /// [`Self::new`] for a frame of a sequence: uploads what changed since the last one, which must be dropped before. Where the device
@@ -149,15 +160,19 @@ impl<'a> DevicePicture<'a> {
         settings: &'a Settings,
         frames: &'a mut DeviceFrames,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, bvh, camera, settings, |scene| traced_frame(gpu, scene, bvh, frames))
+        let pace = frames.pace();
+        let made = Self::made(gpu, surfaces, bvh, (camera, settings), !is_small(settings), |scene| {
+            traced_frame(gpu, scene, bvh, frames)
+        })?;
+        Ok(Self { pace, ..made })
     }
 
     fn made(
         gpu: &'a Gpu,
         surfaces: &'a Surfaces<'a>,
         bvh: &'a SceneBvh,
-        camera: &Camera,
-        settings: &'a Settings,
+        (camera, settings): (&Camera, &'a Settings),
+        streams_are_wanted: bool,
         make: impl FnOnce(&Scene) -> Result<Traced<'a>, DeviceError>,
     ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
@@ -215,7 +230,9 @@ impl<'a> DevicePicture<'a> {
             Integrator::Path => chosen.clone(),
         };
         let can_stream = can_stream(gpu, scene, settings) && !traced.has_curves();
-        let light = match can_stream.then(|| streams(gpu, &chosen, scene, (&packed, &traced), settings)) {
+        let light = match (can_stream && streams_are_wanted)
+            .then(|| streams(gpu, &chosen, scene, (&packed, &traced), settings))
+        {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
@@ -236,6 +253,7 @@ impl<'a> DevicePicture<'a> {
             chosen,
             can_stream,
             n_exact_rays: AtomicU64::new(0),
+            pace: Arc::default(),
             kernels,
             first_seen: None,
         })
@@ -265,6 +283,15 @@ impl<'a> DevicePicture<'a> {
             })
         };
         Ok(self.with_kernels(light, None))
+    }
+
+    /// The same picture as if its samples had needed so many rounds of rays so far, to test those that need more.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn expecting_rounds(self, n: u32) -> Self {
+        let pace = Pace::default();
+        pace.took_rounds(n);
+        Self { pace: Arc::new(pace), ..self }
     }
 
     /// How many rays exact arithmetic decided in pictures so far; `None` where it traces all, as where an invocation traces the rays of a whole sample.
@@ -354,7 +381,12 @@ impl<'a> DevicePicture<'a> {
     ) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
-            dispatcher: SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone(), n_groups(settings))?,
+            dispatcher: SampleDispatcher::<R>::new(
+                self.gpu,
+                &self.traced,
+                (self.kernels.clone(), &self.pace),
+                n_groups(settings),
+            )?,
             bindings: self.bindings(),
             settings,
             weight: &weight,

@@ -7,15 +7,19 @@
 
 use std::borrow::Cow;
 
+use std::sync::Arc;
+
 use canted_film::Hash;
 use canted_gpu::build::WideConfig;
 use canted_gpu::{
     Buffer, BufferConfig, BufferScene, DeviceBvh, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer,
-    InstancedScene, MeshBuffers, TracedScene, block_on, wgpu,
+    InstancedScene, MAX_CONDITION, MeshBuffers, TracedScene, block_on, wgpu,
 };
+use canted_obb::Affine;
 use canted_scene::{Mesh, Scene};
 
 use super::DeviceError;
+use super::picture::Pace;
 use crate::UpdatePolicy;
 use crate::coincident;
 use crate::scene_bvh::flatten_distinct;
@@ -31,11 +35,11 @@ pub struct DeviceFrames {
     kept: Option<Kept>,
     updates: DeviceUpdates,
     fallback_reason: Option<String>,
+    pace: Arc<Pace>,
 }
 
-/// Most meshes that are updated one by one. Each takes twenty dispatches or more, and with oriented boxes a refit of one mesh computes
-/// those
-/// of all; so beyond, all meshes are updated together.
+/// Most meshes that are updated one by one. Each takes ten dispatches or more, and with oriented boxes a refit of one mesh computes those of all; so
+/// beyond, all meshes are updated together.
 const MOST_ALONE: usize = 8;
 
 /// What frames did with the BVHs that the device builds.
@@ -110,6 +114,11 @@ impl DeviceFrames {
         self.fallback_reason.as_deref()
     }
 
+    /// What pictures of earlier frames took.
+    pub(super) fn pace(&self) -> Arc<Pace> {
+        self.pace.clone()
+    }
+
     /// Frees the BVHs of the last frame, which this frame does not use.
     pub(super) fn forget(&mut self) {
         self.kept = None;
@@ -161,13 +170,16 @@ struct Frame<'a> {
     keys: Vec<[u64; 2]>,
     first: Vec<u32>,
     transforms: Option<Vec<DeviceInstance>>,
+    /// Whether the device finds no fault in coordinates and transforms, so that nothing is read back to know it.
+    is_sound: bool,
 }
 
 impl<'a> Frame<'a> {
     fn flat(scene: &'a Scene) -> Result<Self, DeviceError> {
         let (positions, triangles, first) = flatten_distinct(scene)?;
         let keys = vec![key(&positions, &triangles)];
-        Ok(Self { meshes: vec![(positions.into(), triangles.into())], keys, first, transforms: None })
+        let is_sound = reach(&positions) <= FAR;
+        Ok(Self { meshes: vec![(positions.into(), triangles.into())], keys, first, transforms: None, is_sound })
     }
 
     fn two_levels(scene: &'a Scene) -> Self {
@@ -175,12 +187,26 @@ impl<'a> Frame<'a> {
         let transforms =
             scene.instances.iter().map(|instance| DeviceInstance::new(instance.mesh.0, &instance.world_from_object));
         let meshes: Vec<MeshHere<'a>> = scene.meshes.iter().map(of).collect();
+        let reaches: Vec<f32> = meshes.iter().map(|(positions, _)| reach(positions)).collect();
+        let is_placed = |instance: &canted_scene::Instance| {
+            reaches.get(instance.mesh.0 as usize).is_some_and(|&reach| is_placed(&instance.world_from_object, reach))
+        };
+        let is_sound = reaches.iter().all(|&reach| reach <= FAR) && scene.instances.iter().all(is_placed);
         Self {
+            is_sound,
             keys: meshes.iter().map(|(positions, triangles)| key(positions, triangles)).collect(),
             meshes,
             first: vec![],
             transforms: Some(transforms.collect()),
         }
+    }
+
+    /// Whether a first build finds no fault in indices either. Later ones have the same.
+    fn has_sound_indices(&self) -> bool {
+        let is_sound = |(positions, triangles): &MeshHere<'_>| {
+            triangles.iter().flatten().all(|&index| (index as usize) < positions.len())
+        };
+        self.meshes.iter().all(is_sound)
     }
 
     fn upload(&self, gpu: &Gpu) -> Result<Uploaded, GpuError> {
@@ -223,13 +249,15 @@ impl Uploaded {
 impl Kept {
     fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: DeviceBvh) -> Result<Self, DeviceError> {
         let meshes = uploaded.meshes();
+        let is_checked = !(frame.is_sound && frame.has_sound_indices());
+        let config = BufferConfig { is_checked, ..bvh.into() };
         let levels = match uploaded.instances() {
             None => Levels::One(block_on(BufferScene::new(
                 gpu,
                 &meshes,
-                BufferConfig { parts: Some(&frame.first), ..bvh.into() },
+                BufferConfig { parts: Some(&frame.first), ..config },
             ))?),
-            Some(instances) => Levels::Two(block_on(InstancedScene::new(gpu, &meshes, &instances, bvh))?),
+            Some(instances) => Levels::Two(block_on(InstancedScene::new(gpu, &meshes, &instances, config))?),
         };
         let transforms = frame.transforms.clone().unwrap_or_default();
         Ok(Self { bvh, levels, meshes: frame.keys.clone(), first: frame.first.clone(), transforms })
@@ -295,11 +323,33 @@ impl Kept {
         self.meshes.clone_from(&frame.keys);
         self.transforms = transforms.to_vec();
         match &self.levels {
+            _ if frame.is_sound => {}
             Levels::One(one) => block_on(one.check(gpu))?,
             Levels::Two(two) => block_on(two.check(gpu))?,
         }
         Ok(())
     }
+}
+
+/// Coordinates up to which no kernel finds a fault: those of 1e18 and more are faults, with roundings of a few units in the last place.
+const FAR: f32 = 1e17;
+
+/// The greatest absolute coordinate; infinite if one is not finite.
+fn reach(positions: &[[f32; 3]]) -> f32 {
+    let greater = |all: f32, x: &f32| if x.is_finite() { all.max(x.abs()) } else { f32::INFINITY };
+    positions.as_flattened().iter().fold(0.0, greater)
+}
+
+/// Whether the device places an instance of a mesh that reaches so far, for sure: it rejects condition numbers above [`MAX_CONDITION`], scales below 2^-100 and
+/// coordinates above 1e18, computed with relative errors of some 2^-20 at such condition numbers.
+fn is_placed(world_from_object: &Affine, reach: f32) -> bool {
+    const SCALES: [f64; 2] = [1e-20, 1e20];
+    let Ok(inverse) = canted_tlas::Instance::new(0, *world_from_object).object_from_world(0) else { return false };
+    let row_sum = |row: &[f64; 4]| row[..3].iter().map(|x| x.abs()).sum::<f64>();
+    let (forward, backward) = (world_from_object.row_sum_norm(), inverse.iter().map(row_sum).fold(0.0, f64::max));
+    forward * backward <= 0.9 * MAX_CONDITION
+        && [forward, backward].iter().all(|norm| (SCALES[0]..SCALES[1]).contains(norm))
+        && world_from_object.reach(reach) <= f64::from(FAR)
 }
 
 fn key(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [u64; 2] {

@@ -1,5 +1,7 @@
 //! Packs camera and settings.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
 use canted_gpu::{Variant, choice};
@@ -76,6 +78,33 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
         has_background: 0,
         limit: clamp.map_or(FAR, |clamp| clamp.min(FAR)),
         padding: [0.0; 3],
+    }
+}
+
+/// What pictures of a scene took so far, from which the next one sizes its dispatches. No sample depends on it.
+#[derive(Default)]
+pub(super) struct Pace {
+    /// Work-groups of the next dispatch, and most rounds that samples needed; 0 if not known.
+    n_groups: AtomicU32,
+    n_rounds: AtomicU32,
+}
+
+impl Pace {
+    pub(super) fn n_groups(&self) -> u32 {
+        self.n_groups.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn set_groups(&self, n: u32) {
+        self.n_groups.store(n, Ordering::Relaxed);
+    }
+
+    pub(super) fn n_rounds(&self) -> Option<u32> {
+        Some(self.n_rounds.load(Ordering::Relaxed)).filter(|&n| n > 0)
+    }
+
+    /// Notes the rounds that some samples needed.
+    pub(super) fn took_rounds(&self, n: u32) {
+        self.n_rounds.fetch_max(n, Ordering::Relaxed);
     }
 }
 

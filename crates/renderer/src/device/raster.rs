@@ -1,5 +1,6 @@
 //! The first surface of each pixel by rasterization instead of ray tracing, and camera rays that start with it.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use canted_gpu::{AdapterKind, Draw, GpuError, RasterOutput, Variant, block_on, choice, wgsl};
@@ -220,7 +221,8 @@ impl DevicePicture<'_> {
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
-        let mut dispatcher = SampleDispatcher::<R>::new(self.gpu, &self.traced, self.kernels.clone(), n)?;
+        let mut dispatcher =
+            SampleDispatcher::<R>::new(self.gpu, &self.traced, (self.kernels.clone(), &Arc::default()), n)?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();

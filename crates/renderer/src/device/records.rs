@@ -11,9 +11,9 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::{Aovs, Block, Pixel};
-use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, TracedScene, block_on, choice};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, block_on, choice};
 
-use super::picture::CELL_PIXELS;
+use super::picture::{CELL_PIXELS, Pace};
 use super::streams::{StreamKernels, Streams};
 
 use crate::SampleSums;
@@ -90,7 +90,12 @@ enum ReadyLight {
 
 impl ReadyKernels {
     /// Kernels for at most `max` work-groups.
-    pub(super) fn new(gpu: &Gpu, traced: &TracedScene, kernels: RenderKernels, max: u32) -> Result<Self, GpuError> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        traced: &TracedScene,
+        (kernels, pace): (RenderKernels, &Arc<Pace>),
+        max: u32,
+    ) -> Result<Self, GpuError> {
         let limit = gpu.limits().max_storage_buffer_binding_size;
         let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
         let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
@@ -103,7 +108,7 @@ impl ReadyKernels {
             LightKernels::Whole(kernel) => (ReadyLight::Whole(kernel), max),
             LightKernels::Streams(kernels) => {
                 let max = max.min(StreamKernels::max_groups(gpu));
-                let (streams, n) = Streams::new(gpu, traced, &kernels, max as usize * CELL_PIXELS)?;
+                let (streams, n) = Streams::new(gpu, traced, (&kernels, pace), max as usize * CELL_PIXELS)?;
                 (ReadyLight::Streams(Box::new(streams)), (n / CELL_PIXELS) as u32)
             }
         };
@@ -115,8 +120,8 @@ impl ReadyKernels {
         self.guide.is_some()
     }
 
-    /// Takes the samples of `n` work-groups and waits for them. Returns how many rays of streams exact kernels traced.
-    pub(super) fn run(&mut self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<u64, GpuError> {
+    /// Takes the samples of `n` work-groups and waits for them.
+    pub(super) fn run(&mut self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         let mut commands = gpu.commands();
         let groups = |kernel: &Kernel| kernel.groups(n * kernel.group_size());
         match &mut self.light {
@@ -126,10 +131,30 @@ impl ReadyKernels {
         if let Some(guide) = &self.guide {
             commands.dispatch(guide, bindings, groups(guide))?;
         }
-        block_on(commands.run())?;
+        block_on(commands.run())
+    }
+
+    /// Takes the rest of these samples, where [`Self::took`] finds that some are not done.
+    pub(super) fn run_rest(&mut self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
+        let ReadyLight::Streams(streams) = &mut self.light else { return Ok(()) };
+        let mut commands = gpu.commands();
+        streams.record_rest(&mut commands, bindings, n)?;
+        block_on(commands.run())
+    }
+
+    /// What is read beside the samples, for [`Self::took`].
+    pub(super) fn beside(&mut self) -> Vec<(&Buffer<u32>, usize)> {
         match &mut self.light {
-            ReadyLight::Whole(_) => Ok(0),
-            ReadyLight::Streams(streams) => streams.take_exact_count(gpu),
+            ReadyLight::Whole(_) => vec![],
+            ReadyLight::Streams(streams) => streams.beside(),
+        }
+    }
+
+    /// How many rays of streams exact kernels traced, and whether all samples are done; from the words of [`Self::beside`].
+    pub(super) fn took(&mut self, beside: &[u32]) -> (u64, bool) {
+        match &mut self.light {
+            ReadyLight::Whole(_) => (0, true),
+            ReadyLight::Streams(streams) => streams.took(beside),
         }
     }
 }

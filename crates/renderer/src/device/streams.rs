@@ -7,14 +7,15 @@
 //!
 //! `shaders/render/stream.wgsl` has the kernels and says why samples have the bits of kernels that take whole samples.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use canted_gpu::{
     AdapterKind, Buffer, Commands, DeviceHit, DeviceRay, Gpu, GpuError, Kernel, NamedBinding, RayList, StreamQueries,
-    TracedScene, Variant, block_on, choice, wgsl,
+    TracedScene, Variant, choice, wgsl,
 };
 
-use super::picture::CELL_PIXELS;
+use super::picture::{CELL_PIXELS, Pace};
 
 /// Words of a state, as many as the larger one has: `Gathering` of `shaders/shared/hybrid.wgsl`, `Path` of `path.wgsl`.
 pub(super) const STATE_WORDS: usize = 52;
@@ -65,7 +66,16 @@ pub(super) struct Streams {
     alive: [RayList; 2],
     onward_queue: RayList,
     shadow_queue: RayList,
+    /// How many samples each round of these samples leaves to the next.
+    n_left: Buffer<u32>,
+    /// Rounds that are recorded for these samples.
+    n_recorded: u32,
+    pace: Arc<Pace>,
 }
+
+/// More rounds than the longest sample so far took: most samples of a scene take about as many, and where one takes more, the others follow in
+/// commands of their own.
+const MORE_ROUNDS: u32 = 2;
 
 impl StreamKernels {
     /// Kernels of an integrator for samples that need so many rounds; `chosen` has the choices of its kernel for whole samples.
@@ -126,86 +136,156 @@ impl Streams {
     pub(super) fn new(
         gpu: &Gpu,
         traced: &TracedScene,
-        kernels: &StreamKernels,
+        (kernels, pace): (&StreamKernels, &Arc<Pace>),
         n: usize,
     ) -> Result<(Self, usize), GpuError> {
-        match Self::of(gpu, traced, kernels.clone(), n) {
+        match Self::of(gpu, traced, (kernels.clone(), pace.clone()), n) {
             Err(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) if n > FEW_SAMPLES => {
-                Self::new(gpu, traced, kernels, (n / 4).max(FEW_SAMPLES))
+                // Those of this attempt are too large.
+                gpu.free_work_buffers();
+                Self::new(gpu, traced, (kernels, pace), (n / 4).max(FEW_SAMPLES))
             }
             streams => Ok((streams?, n)),
         }
     }
 
-    fn of(gpu: &Gpu, traced: &TracedScene, kernels: StreamKernels, n: usize) -> Result<Self, GpuError> {
-        let list = || RayList::new(gpu, n);
+    fn of(
+        gpu: &Gpu,
+        traced: &TracedScene,
+        (kernels, pace): (StreamKernels, Arc<Pace>),
+        n: usize,
+    ) -> Result<Self, GpuError> {
+        let list = || RayList::uncleared(gpu, n);
         Ok(Self {
             queries: match kernels.has_queries() {
                 true => Some(traced.stream_queries(gpu, n, kernels.masked.clone())?),
                 false => None,
             },
+            n_left: gpu.work_buffer("samples left by rounds", kernels.n_rounds as usize)?,
+            n_recorded: 0,
             kernels,
-            states: gpu.zeroed("states of samples", n)?,
-            onward_rays: gpu.zeroed("onward rays", n)?,
-            shadow_rays: gpu.zeroed("shadow rays", n)?,
-            hits: gpu.zeroed("hits of onward rays", n)?,
-            found: gpu.zeroed("answers to shadow rays", n)?,
+            pace,
+            states: gpu.work_buffer("states of samples", n)?,
+            onward_rays: gpu.work_buffer("onward rays", n)?,
+            shadow_rays: gpu.work_buffer("shadow rays", n)?,
+            hits: gpu.work_buffer("hits of onward rays", n)?,
+            found: gpu.work_buffer("answers to shadow rays", n)?,
             alive: [list()?, list()?],
             onward_queue: list()?,
             shadow_queue: list()?,
         })
     }
 
-    /// How many rays exact kernels traced since the last call, of those that others did not decide.
-    pub(super) fn take_exact_count(&mut self, gpu: &Gpu) -> Result<u64, GpuError> {
-        match &mut self.queries {
-            Some(queries) => block_on(queries.take_exact_count(gpu)),
-            None => Ok(0),
-        }
+    /// What is read beside the samples, for [`Self::took`].
+    pub(super) fn beside(&mut self) -> Vec<(&Buffer<u32>, usize)> {
+        let counts = self.queries.as_mut().map(StreamQueries::take_exact_counts);
+        counts.into_iter().chain([(&self.n_left, self.n_recorded as usize)]).collect()
     }
 
-    /// Adds the dispatches that take the samples of `n_groups` work-groups.
+    /// How many rays exact kernels traced, of those that others did not decide, and whether all samples are done; from the words of [`Self::beside`].
+    pub(super) fn took(&mut self, beside: &[u32]) -> (u64, bool) {
+        let (exact, left) = beside.split_at(beside.len() - self.n_recorded as usize);
+        let n_needed = left.iter().position(|&n| n == 0).map_or(self.n_recorded, |round| round as u32 + 1);
+        self.pace.took_rounds(n_needed);
+        let is_done = self.n_recorded == self.kernels.n_rounds || left.last().is_none_or(|&n| n == 0);
+        (exact.iter().map(|&n| u64::from(n)).sum(), is_done)
+    }
+
+    /// Adds the dispatches that take the samples of `n_groups` work-groups, in as many rounds as earlier samples needed and some more.
     pub(super) fn record(
         &mut self,
         commands: &mut Commands<'_>,
         bindings: &[NamedBinding<'_>],
         n_groups: u32,
     ) -> Result<(), GpuError> {
-        let Self { kernels, queries, states, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue } =
-            self;
-        let StreamKernels { start, shade, finish, masked, n_rounds, .. } = kernels;
-        let [alive, next] = alive;
-        let own: [NamedBinding<'_>; 7] = [
-            ("states", states),
-            ("onward_rays", onward_rays),
-            ("shadow_rays", shadow_rays),
-            ("hits", hits),
-            ("found", found),
-            ("onward_queue", onward_queue),
-            ("shadow_queue", shadow_queue),
-        ];
-        let shared = [bindings, &own].concat();
-        for list in [&*onward_queue, &*shadow_queue, &*alive] {
+        let shared = [bindings, &self.bindings()].concat();
+        let [alive, next] = &self.alive;
+        for list in [&self.onward_queue, &self.shadow_queue, alive] {
             list.clear(commands);
         }
-        let groups = |kernel: &Kernel| kernel.groups(n_groups * kernel.group_size());
-        commands.dispatch(start, &with_lists(&shared, [next, alive]), groups(start))?;
-        let mut lists = [&*alive, &*next];
-        for _ in 0..*n_rounds {
-            if let Some(queries) = queries {
+        let start = &self.kernels.start;
+        commands.dispatch(start, &with_lists(&shared, [next, alive]), start.groups(n_groups * start.group_size()))?;
+        drop(shared);
+        self.n_recorded = 0;
+        let n_rounds = self.kernels.n_rounds;
+        let n = self.pace.n_rounds().map_or(n_rounds, |n| n.saturating_add(MORE_ROUNDS).min(n_rounds));
+        self.record_rounds(commands, bindings, n_groups, n)
+    }
+
+    /// Adds the dispatches that end the samples which these rounds left.
+    pub(super) fn record_rest(
+        &mut self,
+        commands: &mut Commands<'_>,
+        bindings: &[NamedBinding<'_>],
+        n_groups: u32,
+    ) -> Result<(), GpuError> {
+        self.record_rounds(commands, bindings, n_groups, self.kernels.n_rounds)
+    }
+
+    /// Adds the rounds from the last recorded one to before `end`, and keeps the samples.
+    fn record_rounds(
+        &mut self,
+        commands: &mut Commands<'_>,
+        bindings: &[NamedBinding<'_>],
+        n_groups: u32,
+        end: u32,
+    ) -> Result<(), GpuError> {
+        // Apart from the queries, which count.
+        let mut queries = self.queries.take();
+        let done = self.rounds(commands, (bindings, n_groups), queries.as_mut(), self.n_recorded..end);
+        self.queries = queries;
+        self.n_recorded = end;
+        done
+    }
+
+    fn rounds(
+        &self,
+        commands: &mut Commands<'_>,
+        (bindings, n_groups): (&[NamedBinding<'_>], u32),
+        mut queries: Option<&mut StreamQueries>,
+        rounds: Range<u32>,
+    ) -> Result<(), GpuError> {
+        let Self { kernels, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue, .. } = self;
+        let StreamKernels { shade, finish, masked, .. } = kernels;
+        let shared = [bindings, &self.bindings()].concat();
+        let mut lists = [&alive[0], &alive[1]];
+        lists.rotate_left(rounds.start as usize % 2);
+        for round in rounds {
+            // Rays from the camera are onward rays.
+            let has_shadow_rays = round > 0;
+            if let Some(queries) = &mut queries {
                 queries.record_closest_hits(&shared, commands, onward_queue, onward_rays, hits)?;
-                queries.record_occluded(&shared, commands, shadow_queue, shadow_rays, found)?;
+                if has_shadow_rays {
+                    queries.record_occluded(&shared, commands, shadow_queue, shadow_rays, found)?;
+                }
             } else if let Some([closest, occluded]) = masked {
                 onward_queue.dispatch(commands, closest, &with_rays(&shared, onward_queue, onward_rays))?;
-                shadow_queue.dispatch(commands, occluded, &with_rays(&shared, shadow_queue, shadow_rays))?;
+                if has_shadow_rays {
+                    shadow_queue.dispatch(commands, occluded, &with_rays(&shared, shadow_queue, shadow_rays))?;
+                }
             }
-            for list in [&*onward_queue, &*shadow_queue, lists[1]] {
+            for list in [onward_queue, shadow_queue, lists[1]] {
                 list.clear(commands);
             }
             lists[0].dispatch(commands, shade, &with_lists(&shared, lists))?;
+            lists[1].copy_count(commands, &self.n_left, round);
             lists.swap(0, 1);
         }
-        commands.dispatch(finish, &with_lists(&shared, lists), groups(finish))
+        let groups = finish.groups(n_groups * finish.group_size());
+        commands.dispatch(finish, &with_lists(&shared, lists), groups)
+    }
+
+    /// The bindings of all kernels but the lists of samples.
+    fn bindings(&self) -> [NamedBinding<'_>; 7] {
+        [
+            ("states", &self.states),
+            ("onward_rays", &self.onward_rays),
+            ("shadow_rays", &self.shadow_rays),
+            ("hits", &self.hits),
+            ("found", &self.found),
+            ("onward_queue", &self.onward_queue),
+            ("shadow_queue", &self.shadow_queue),
+        ]
     }
 }
 
