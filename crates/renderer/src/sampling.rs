@@ -16,6 +16,7 @@ pub struct Basis {
 impl Basis {
     /// The basis whose third axis is the unit vector `normal`; continuous except across `z = 0`. Source: Duff et al.
     /// 2017, *Building an Orthonormal Basis, Revisited*.
+    #[inline]
     #[must_use]
     pub fn about(normal: [f32; 3]) -> Self {
         let [x, y, z] = normal;
@@ -23,8 +24,8 @@ impl Basis {
         // At least 1 in absolute value, so the division is safe.
         let a = -1.0 / (sign + z);
         let b = x * y * a;
-        let axes = [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], normal];
-        Self { axes: axes.map(Vec3::from) }
+        let tangent = Vec3::new(1.0 + sign * x * x * a, sign * b, -sign * x);
+        Self { axes: [tangent, Vec3::new(b, sign + y * y * a, -y), normal.into()] }
     }
 
     /// Maps local coordinates to a direction.
@@ -37,7 +38,8 @@ impl Basis {
     /// Maps a direction to local coordinates.
     #[must_use]
     pub fn coordinates(&self, direction: [f32; 3]) -> [f32; 3] {
-        self.axes.map(|axis| axis.dot(direction.into()))
+        let ([t, b, n], direction) = (&self.axes, Vec3::from(direction));
+        [t.dot(direction), b.dot(direction), n.dot(direction)]
     }
 }
 

@@ -7,7 +7,9 @@ use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
 use canted_scene::{CurveSegments, CurveShape, Curves, Instance, Material, Mesh, Scene};
 use canted_tlas::Tlas;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Mapped, Query, ScaledRay, Side};
+use canted_trace::{
+    AcceptAt, Answers, HIT_ERROR, Hit, InstanceId, Intersect, Mapped, Query, Ray, ScaledRay, Side, answer_one_by_one,
+};
 use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
@@ -189,6 +191,24 @@ impl Intersect for SceneBvh {
                 hits[start..].iter_mut().for_each(|hit| *hit = flat.in_instance(*hit));
             }
             SceneLevels::Two(tlas) => tlas.all_hits_scaled(ray, query, stack, hits),
+        }
+    }
+
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
+        let flat = match &self.levels {
+            SceneLevels::One(flat) => flat,
+            SceneLevels::Two(tlas) => return tlas.answer(rays, first, accept, answers),
+        };
+        let mapped =
+            accept.map(|accept| move |index: usize, ray: &Ray, hit: &Hit| accept(index, ray, &flat.in_instance(*hit)));
+        let mapped = mapped.as_ref().map(|mapped| mapped as &AcceptAt);
+        match answers {
+            Answers::Closest(hits) => {
+                flat.bvh.answer(rays, first, mapped, Answers::Closest(&mut *hits));
+                hits.iter_mut().flatten().for_each(|hit| *hit = flat.in_instance(*hit));
+            }
+            Answers::Occluded(occluded) => flat.bvh.answer(rays, first, mapped, Answers::Occluded(occluded)),
+            lists => answer_one_by_one(self, rays, first, accept, lists),
         }
     }
 }

@@ -51,7 +51,7 @@ use std::f64::consts::PI;
 use canted_trace::{Hit, Ray};
 use glam::{DVec3, Vec3};
 
-use super::{INDIRECT, Path, PathRadiance, Sample, Seen, ShadowRays, Start, Transport};
+use super::{INDIRECT, Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
 use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
@@ -66,7 +66,7 @@ const FIRST_LIGHT: u32 = 1 << 16;
 
 impl Transport<'_> {
     /// Samples of the hybrid integrator; see [`Transport::samples`].
-    pub(super) fn hybrid_samples(&self, seen: &[Seen], ao_radius: f64, times: &mut Times) -> Vec<Sample> {
+    pub(super) fn hybrid_samples(&self, seen: Seen, ao_radius: f64, times: &mut Times) -> Vec<Sample> {
         let mut sampler = self.sampler.remembering();
         self.batch(seen, times, |path: &mut Path<()>, n, shadow_rays| {
             self.hybrid_step(&mut sampler, path, n, shadow_rays, ao_radius)
@@ -74,15 +74,15 @@ impl Transport<'_> {
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn hybrid_step<'a>(
+    fn hybrid_step(
         &self,
         sampler: &mut RememberingSampler,
-        path: &mut Path<'a, ()>,
+        path: &mut Path<()>,
         n: u32,
-        shadow_rays: &mut ShadowRays<'_, 'a>,
+        shadow_rays: &mut ShadowRays,
         ao_radius: f64,
     ) -> bool {
-        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, first, accumulated, direct, .. } = path;
+        let Path { pixel, sample, ray, cone, hit, first, accumulated, direct, .. } = path;
         let hit = match (self.lights.intersect_nth(n, ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
@@ -115,11 +115,10 @@ impl Transport<'_> {
         };
         accumulated.add(n, surface.emission, 1.0);
         let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
-        let shadows = query.keyed(1 + n).lighting(surface.time);
         direct.throughput = accumulated.throughput;
         let unoccluded = reflected(&self.lights, surface, square, |to, ray, light| {
             // The shadow ray to light `k` has number `k`.
-            shadow_rays.add(ray, LightId::Light(to), shadows.keyed(to), light);
+            shadow_rays.add(ray, LightId::Light(to), to, light);
         });
         if let Some([diffuse, ..]) = accumulated.first.as_mut().filter(|_| n == 0) {
             *diffuse = unoccluded;

@@ -1,6 +1,6 @@
 //! Integrators: radiance along camera rays.
 
-use canted_trace::{Hit, Intersect, Ray};
+use canted_trace::{Hit, Intersect, Query, Ray};
 use glam::Vec3;
 
 use crate::light::{LightId, LightSampler, Lights};
@@ -56,13 +56,14 @@ pub(crate) struct Start {
     pub(crate) sample: u32,
 }
 
-/// What a camera ray hits.
-pub(crate) struct Seen {
-    pub(crate) start: Start,
-    /// The closest hit.
-    pub(crate) hit: Option<Hit>,
-    /// The surface there, if it is known.
-    pub(crate) surface: Option<Surface>,
+/// What camera rays hit.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'s> {
+    pub(crate) starts: &'s [Start],
+    /// For each start, the closest hit.
+    pub(crate) hits: &'s [Option<Hit>],
+    /// The surfaces there, where they are known; empty where none is.
+    pub(crate) surfaces: &'s [Option<Surface>],
 }
 
 /// The result of one path.
@@ -79,7 +80,7 @@ pub(crate) struct Sample {
 
 impl<'a> Transport<'a> {
     /// Radiance along camera rays whose closest hits are known, one sample each.
-    pub(crate) fn samples(&self, seen: &[Seen], times: &mut Times) -> Vec<Sample> {
+    pub(crate) fn samples(&self, seen: Seen, times: &mut Times) -> Vec<Sample> {
         match self.method {
             Method::Hybrid { ao_radius } => self.hybrid_samples(seen, ao_radius, times),
             Method::Path(lights) => self.path_samples(seen, lights, times),
@@ -88,12 +89,64 @@ impl<'a> Transport<'a> {
 
     /// The query of a camera ray: number 0 of its path.
     pub(crate) fn camera_query(&self, start: &Start) -> HitFilter<'a> {
-        self.path_query(start).keyed(0)
+        self.path_query(start.pixel, start.sample).keyed(0)
     }
 
     /// The query of a path; each ray derives its own key.
-    fn path_query(&self, start: &Start) -> HitFilter<'a> {
-        self.filter.sampled(start.sample).keyed(self.sampler.bits(start.pixel, 0, ALPHA_DIMENSION))
+    fn path_query(&self, pixel: u32, sample: u32) -> HitFilter<'a> {
+        self.filter.sampled(sample).keyed(self.sampler.bits(pixel, 0, ALPHA_DIMENSION))
+    }
+
+    /// The closest hits of camera rays.
+    pub(crate) fn camera_hits(&self, starts: &[Start]) -> Vec<Option<Hit>> {
+        let rays: Vec<Ray> = starts.iter().map(|start| start.ray).collect();
+        let mut hits = vec![None; rays.len()];
+        if self.filter.may_reject() {
+            let accept = |i: usize, _: &Ray, hit: &Hit| self.camera_query(&starts[i]).shows(hit);
+            self.bvh.closest_hits_with(&rays, &mut hits, &accept);
+        } else {
+            self.bvh.closest_hits(&rays, &mut hits);
+        }
+        hits
+    }
+}
+
+/// Rays of paths that are traced together.
+#[derive(Default)]
+struct RaySlice<'a> {
+    rays: Vec<Ray>,
+    /// One for each ray; empty where no hit is rejected.
+    queries: Vec<HitFilter<'a>>,
+    hits: Vec<Option<Hit>>,
+    occluded: Vec<bool>,
+}
+
+impl RaySlice<'_> {
+    fn clear(&mut self) {
+        self.rays.clear();
+        self.queries.clear();
+    }
+
+    /// Finds what the rays hit.
+    fn find_hits(&mut self, bvh: &dyn Intersect) {
+        let Self { rays, queries, hits, .. } = self;
+        hits.resize(rays.len(), None);
+        if queries.is_empty() {
+            bvh.closest_hits(rays, hits);
+        } else {
+            bvh.closest_hits_with(rays, hits, &|i, _: &Ray, hit: &Hit| queries[i].shows(hit));
+        }
+    }
+
+    /// Finds whether the rays hit anything.
+    fn find_occluded(&mut self, bvh: &dyn Intersect) {
+        let Self { rays, queries, occluded, .. } = self;
+        occluded.resize(rays.len(), false);
+        if queries.is_empty() {
+            bvh.occluded_many(rays, occluded);
+        } else {
+            bvh.occluded_many_with(rays, occluded, &|i, _: &Ray, hit: &Hit| queries[i].shows(hit));
+        }
     }
 }
 
@@ -104,9 +157,10 @@ impl<'a> Transport<'a> {
 
 /// The state of a path between two rays.
 struct Path<'a, W> {
-    start: Start,
-    /// The query of the path; each ray derives its own key.
-    query: HitFilter<'a>,
+    /// Index of the pixel.
+    pixel: u32,
+    /// Index of the sample in the pixel.
+    sample: u32,
     /// The last ray traced, or the next one to trace.
     ray: Ray,
     /// The ray cone.
@@ -131,26 +185,27 @@ struct DirectLight {
 }
 
 /// A ray from a vertex to a light.
-struct ShadowRay<'a> {
+struct ShadowRay {
     /// Index of the path.
     path: usize,
     /// `None` where the light is too close for an occluder.
     ray: Option<Ray>,
     to: LightId,
-    query: HitFilter<'a>,
+    /// Number of the ray among the shadow rays of its vertex.
+    number: u32,
     /// What the vertex reflects of the light if nothing occludes it.
     light: Vec3,
 }
 
 /// Adds the shadow rays of a path.
-struct ShadowRays<'s, 'a> {
-    all: &'s mut Vec<ShadowRay<'a>>,
+struct ShadowRays<'s> {
+    all: &'s mut Vec<ShadowRay>,
     path: usize,
 }
 
-impl<'a> ShadowRays<'_, 'a> {
-    fn add(&mut self, ray: Option<Ray>, to: LightId, query: HitFilter<'a>, light: Vec3) {
-        self.all.push(ShadowRay { path: self.path, ray, to, query, light });
+impl ShadowRays<'_> {
+    fn add(&mut self, ray: Option<Ray>, to: LightId, number: u32, light: Vec3) {
+        self.all.push(ShadowRay { path: self.path, ray, to, number, light });
     }
 }
 
@@ -221,24 +276,25 @@ impl Transport<'_> {
     /// `step` shades the `n`-th vertex, or ends the path, and returns whether there is a next ray.
     fn batch<'a, W: Default>(
         &'a self,
-        seen: &'a [Seen],
+        seen: Seen<'a>,
         times: &mut Times,
-        mut step: impl FnMut(&mut Path<'a, W>, u32, &mut ShadowRays<'_, 'a>) -> bool,
+        mut step: impl FnMut(&mut Path<'a, W>, u32, &mut ShadowRays) -> bool,
     ) -> Vec<Sample> {
-        let begin = |&Seen { start, hit, ref surface }: &'a Seen| Path {
-            start,
-            query: self.path_query(&start),
-            ray: start.ray,
-            cone: start.cone,
+        let begin = |(i, (&Start { ray, cone, pixel, sample }, &hit)): (usize, (&Start, &Option<Hit>))| Path {
+            pixel,
+            sample,
+            ray,
+            cone,
             hit,
-            first: surface.as_ref(),
+            first: seen.surfaces.get(i).and_then(Option::as_ref),
             accumulated: PathRadiance::new(self.clamp, self.keeps_first),
             direct: DirectLight::default(),
             state: W::default(),
         };
-        let mut paths: Vec<Path<'a, W>> = seen.iter().map(begin).collect();
+        let mut paths: Vec<Path<'a, W>> = seen.starts.iter().zip(seen.hits).enumerate().map(begin).collect();
         let mut active: Vec<usize> = (0..paths.len()).collect();
         let (mut shadow_rays, mut lit) = (vec![], vec![]);
+        let mut slice = RaySlice::default();
         for n in 0.. {
             // The hit of the last ray is not shaded.
             if n <= self.bounces {
@@ -247,14 +303,26 @@ impl Transport<'_> {
             lit.clone_from(&active);
             active.retain(|&i| step(&mut paths[i], n, &mut ShadowRays { all: &mut shadow_rays, path: i }));
             times.end(Stage::Shading);
-            for ShadowRay { path, ray, to, mut query, light } in shadow_rays.drain(..) {
-                let Path { accumulated, direct, .. } = &mut paths[path];
-                let is_unoccluded = ray.is_none_or(|ray| {
-                    accumulated.n_rays += 1;
-                    self.lights.is_unoccluded(&ray, to, self.bvh, &mut query)
-                });
-                if is_unoccluded {
-                    direct.sum += light;
+            slice.clear();
+            shadow_rays.retain(|&ShadowRay { path, ray, to, number, .. }: &ShadowRay| {
+                let Some(ray) = ray else { return true };
+                let Path { pixel, sample, accumulated, .. } = &mut paths[path];
+                accumulated.n_rays += 1;
+                if self.lights.occlude(&ray, to) {
+                    return false;
+                }
+                slice.rays.push(ray);
+                if self.filter.may_reject() {
+                    let query = self.path_query(*pixel, *sample).keyed(1 + n).lighting(ray.time);
+                    slice.queries.push(query.keyed(number));
+                }
+                true
+            });
+            slice.find_occluded(self.bvh);
+            let mut occluded = slice.occluded.iter();
+            for ShadowRay { path, ray, light, .. } in shadow_rays.drain(..) {
+                if !(ray.is_some() && occluded.next().is_some_and(|is_occluded| *is_occluded)) {
+                    paths[path].direct.sum += light;
                 }
             }
             times.end(Stage::Rays);
@@ -272,15 +340,24 @@ impl Transport<'_> {
             if active.is_empty() {
                 break;
             }
+            slice.clear();
             for &i in &active {
-                let Path { query, ray, hit, accumulated, .. } = &mut paths[i];
-                let query = query.keyed(1 + n);
+                let Path { pixel, sample, ray, accumulated, .. } = &mut paths[i];
                 accumulated.n_rays += 1;
-                *hit = if accumulated.n_scattered == 0 {
-                    self.bvh.closest_hit_with(ray, &mut { query })
-                } else {
-                    self.scattered_hit(ray, query, &mut accumulated.n_rays)
-                };
+                slice.rays.push(*ray);
+                if self.filter.may_reject() {
+                    let query = self.path_query(*pixel, *sample).keyed(1 + n);
+                    slice.queries.push(if accumulated.n_scattered == 0 { query } else { query.scattered() });
+                }
+            }
+            slice.find_hits(self.bvh);
+            for (k, (&i, &found)) in active.iter().zip(&slice.hits).enumerate() {
+                let Path { ray, hit, accumulated, .. } = &mut paths[i];
+                *hit = found.filter(|hit| {
+                    // Without queries no face is hidden.
+                    let Some(query) = slice.queries.get(k).filter(|_| accumulated.n_scattered > 0) else { return true };
+                    self.ends_at(hit, ray, *query, &mut accumulated.n_rays)
+                });
             }
             times.end(Stage::Rays);
         }
@@ -293,13 +370,12 @@ impl Transport<'_> {
         paths.into_iter().map(sample).collect()
     }
 
-    /// What a scattered ray hits; nothing where it leaves the scene through hidden faces, see [`HitFilter`].
-    fn scattered_hit(&self, ray: &Ray, query: HitFilter, n_rays: &mut u64) -> Option<Hit> {
-        let hit = self.bvh.closest_hit_with(ray, &mut query.scattered())?;
-        if !query.hides(&hit, ray.time) {
-            return Some(hit);
+    /// Whether a scattered ray ends at its first hit; not where it leaves the scene through hidden faces, see [`HitFilter`].
+    fn ends_at(&self, hit: &Hit, ray: &Ray, query: HitFilter, n_rays: &mut u64) -> bool {
+        if !query.hides(hit, ray.time) {
+            return true;
         }
         *n_rays += 1;
-        self.bvh.occluded_with(ray, &mut query.lighting(ray.time)).then_some(hit)
+        self.bvh.occluded_with(ray, &mut query.lighting(ray.time))
     }
 }

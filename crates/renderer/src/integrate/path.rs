@@ -69,8 +69,8 @@ fn weight(density: f32, other: f32) -> f32 {
 }
 
 /// A surface with its shading frame.
-struct Vertex {
-    surface: Surface,
+struct Vertex<'s> {
+    surface: &'s Surface,
     basis: Basis,
     /// Towards the viewer, in that frame.
     outgoing: [f32; 3],
@@ -80,8 +80,8 @@ struct Vertex {
     is_perturbed: bool,
 }
 
-impl Vertex {
-    fn new(mut surface: Surface, ray_direction: [f32; 3], transport: &Transport) -> Self {
+impl<'s> Vertex<'s> {
+    fn new(surface: &'s mut Surface, ray_direction: [f32; 3], transport: &Transport) -> Self {
         surface.bsdf.is_compensated = transport.is_compensated;
         surface.bsdf.hemisphere = transport.hemisphere;
         let along = surface.along;
@@ -157,7 +157,7 @@ impl Vertex {
 
 impl Transport<'_> {
     /// Samples of the path integrator; see [`Transport::samples`].
-    pub(super) fn path_samples(&self, seen: &[Seen], lights: &LightSampler, times: &mut Times) -> Vec<Sample> {
+    pub(super) fn path_samples(&self, seen: Seen, lights: &LightSampler, times: &mut Times) -> Vec<Sample> {
         let mut sampler = self.sampler.remembering();
         self.batch(seen, times, |path: &mut Path<PathState>, n, shadow_rays| {
             self.path_step(&mut sampler, path, n, shadow_rays, lights)
@@ -165,17 +165,17 @@ impl Transport<'_> {
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn path_step<'a>(
+    fn path_step(
         &self,
         sampler: &mut RememberingSampler,
-        path: &mut Path<'a, PathState>,
+        path: &mut Path<PathState>,
         n: u32,
-        shadow_rays: &mut ShadowRays<'_, 'a>,
+        shadow_rays: &mut ShadowRays,
         lights: &LightSampler,
     ) -> bool {
         let Path {
-            start,
-            query,
+            pixel,
+            sample,
             ray,
             cone,
             hit,
@@ -196,7 +196,7 @@ impl Transport<'_> {
             return false;
         }
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
-        let surface = match first.take() {
+        let mut surface = match first.take() {
             Some(surface) => *surface,
             None => self.surfaces.at_ray(&hit, ray, *cone),
         };
@@ -208,15 +208,14 @@ impl Transport<'_> {
         if surface.emission != [0.0; 3] {
             accumulated.add(n, surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
-        let mut numbers = sampler.of(start.pixel, start.sample);
-        let vertex = &Vertex::new(surface, ray.direction, self);
-        *previous = Some(LitPoint::of(&vertex.surface, vertex.transmits()));
+        let mut numbers = sampler.of(*pixel, *sample);
+        let vertex = &Vertex::new(&mut surface, ray.direction, self);
+        *previous = Some(LitPoint::of(vertex.surface, vertex.transmits()));
         let bsdf = vertex.bsdf().seen_from(vertex.outgoing);
         if !vertex.bsdf().is_delta_only() {
-            let shadows = query.keyed(1 + n).lighting(start.ray.time);
             // The shadow ray does not have the number of the ray that leaves the vertex.
             if let Some((ray, to, light)) = self.sample_light(&mut numbers, accumulated, lights, vertex, &bsdf, n) {
-                shadow_rays.add(ray, to, shadows.keyed(0), light);
+                shadow_rays.add(ray, to, 0, light);
             }
             direct.throughput = Vec3::ONE;
         }
@@ -238,7 +237,7 @@ impl Transport<'_> {
     ) -> Option<(Option<Ray>, LightId, Vec3)> {
         let choice = if lights.has_choice() { numbers.single(Dimension::LightChoice.at(n)) } else { 0.0 };
         let square = numbers.pair(Dimension::Light.at(n));
-        let light = lights.sample(&vertex.surface, vertex.transmits(), choice, square)?;
+        let light = lights.sample(vertex.surface, vertex.transmits(), choice, square)?;
         // Surface emission belongs to the vertex on the emitter, which here is beyond the last one.
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
             return None;

@@ -265,8 +265,13 @@ impl<'a> Lights<'a> {
     /// Whether a shadow ray towards `to` is unoccluded. The ray must end before the light.
     #[must_use]
     pub fn is_unoccluded(&self, ray: &Ray, to: LightId, bvh: &dyn Intersect, query: &mut dyn Query) -> bool {
+        !self.occlude(ray, to) && !bvh.occluded_with(ray, query)
+    }
+
+    /// Whether a shape light other than `to` occludes a shadow ray towards `to`.
+    pub(crate) fn occlude(&self, ray: &Ray, to: LightId) -> bool {
         let mut others = self.shape_lights.iter().filter(|&&index| to != LightId::Light(index));
-        others.all(|&index| self.intersect_shape_light(index, ray).is_none()) && !bvh.occluded_with(ray, query)
+        others.any(|&index| self.intersect_shape_light(index, ray).is_some())
     }
 
     /// The lights of the scene file.

@@ -15,9 +15,9 @@ use canted_trace::Intersect;
 use crate::integrate::{Method, Transport};
 use crate::times::StageTimes;
 use crate::{CameraError, HitFilter, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
-use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
 pub(crate) use tiles::Worker;
+use tiles::{Batch, TileRenderer};
 pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
@@ -143,6 +143,11 @@ impl<'a> Rendering<'a> {
 
     /// Calls `then` with the tile renderer of the scene.
     pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
+        self.with_batches(Batch::DEFAULT, then)
+    }
+
+    /// [`Rendering::with_tiles`] with other numbers of samples that are taken together.
+    fn with_batches<R>(&self, batch: Batch, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
         let Settings { samples, bounces, seed, pattern, cull, clamp, energy_compensation, hemisphere, .. } =
             *self.settings;
         let transport = Transport {
@@ -168,6 +173,7 @@ impl<'a> Rendering<'a> {
             filter: &self.filter,
             settings: self.settings,
             tiling: self.settings.tiling(),
+            batch,
         })
     }
 }
@@ -344,5 +350,41 @@ impl fmt::Display for RenderError {
 impl std::error::Error for RenderError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         if let Self::Camera(error) = self { Some(error) } else { None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_film::{Aovs, Tile};
+
+    use super::*;
+    use crate::times::Times;
+    use crate::{SceneBvh, SceneBvhConfig, frame};
+
+    /// Batches from a single sample to more than a cell has, in which slices of rays are long enough to walk in groups.
+    #[test]
+    fn batches_change_no_tile() {
+        const SIZE: [u32; 2] = [13, 8];
+        let scene = canted_scene::builtin();
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+        let camera = frame(&scene, &bvh, f64::from(SIZE[0]) / f64::from(SIZE[1]));
+        let aovs = [Aovs::NONE, Aovs::NONE.with(Aov::Normal).with(Aov::Direct)];
+        for (integrator, aovs) in [Integrator::Hybrid, Integrator::Path].into_iter().zip(aovs) {
+            let settings =
+                Settings { width: SIZE[0], height: SIZE[1], integrator, samples: 9, aovs, ..Settings::default() };
+            let tile = |seed, rays, paths| -> Tile {
+                let settings = Settings { seed, ..settings };
+                let surfaces = Surfaces::with_lod(&scene, settings.lod);
+                let rendering = Rendering::new(&scene, &bvh, &surfaces, &camera, &settings).unwrap();
+                rendering
+                    .with_batches(Batch { rays, paths }, |tiles| tiles.tile(0, &mut Times::new(), &|| false).unwrap())
+            };
+            let Batch { rays, paths } = Batch::DEFAULT;
+            let want = tile(0, rays, paths);
+            for [rays, paths] in [[1, 1], [300, 7], [1 << 20, 1 << 20]] {
+                assert!(tile(0, rays, paths) == want, "{integrator:?} {rays} {paths}");
+            }
+            assert!(tile(1, rays, paths) != want, "the comparison sees other samples");
+        }
     }
 }

@@ -11,7 +11,7 @@ use super::Adaptive;
 use crate::integrate::{Seen, Start, Transport};
 use crate::sampler::RememberingSampler;
 use crate::times::{Stage, Times};
-use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, View};
+use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, Surface, View};
 
 /// Dimension of the sampler for the position in the pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -22,8 +22,19 @@ const TIME: u32 = u32::MAX;
 /// Dimension for the position on the lens.
 const LENS: u32 = u32::MAX - 1;
 
-/// Samples traced together: enough to hide memory latency, few enough for their paths to stay in the caches.
-const BATCH: usize = 64;
+/// How many samples are taken together; the picture does not depend on it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Batch {
+    /// Camera rays traced together.
+    pub(super) rays: usize,
+    /// Paths that then go on together.
+    pub(super) paths: usize,
+}
+
+impl Batch {
+    /// Enough camera rays for groups of them to walk together; paths enough to hide memory latency and few enough to stay in the caches.
+    pub(super) const DEFAULT: Self = Self { rays: 1024, paths: 64 };
+}
 
 /// Renders tiles, whatever the query that the scene needs.
 pub(crate) trait RenderTiles: Sync {
@@ -47,6 +58,7 @@ pub(super) struct TileRenderer<'a> {
     pub(super) filter: &'a FilterSampler,
     pub(super) settings: &'a Settings,
     pub(super) tiling: Tiling,
+    pub(super) batch: Batch,
 }
 
 impl RenderTiles for TileRenderer<'_> {
@@ -101,7 +113,7 @@ impl TileRenderer<'_> {
                         return None;
                     }
                     started.add(index, self.start(&mut sampler, pixel, sample));
-                    if started.starts.len() == BATCH {
+                    if started.starts.len() == self.batch.rays {
                         *n_rays += self.finish(&mut started, sums, times);
                     }
                 }
@@ -131,20 +143,38 @@ impl TileRenderer<'_> {
     /// Traces paths, and adds the radiance and the AOVs of samples, in order, to the sums of their cell; returns the number of rays.
     fn finish(&self, started: &mut Started, sums: &mut [Sums], times: &mut Times) -> u64 {
         times.end(Stage::Camera);
-        let seen = if self.tiling.has_guides() { self.guided(started, sums, times) } else { self.hits(started, times) };
+        let (hits, tests) = self.hits(&started.starts);
+        times.end(Stage::Rays);
         let mut n_rays = 0;
-        let lights = self.transport.samples(&seen, times);
-        for ((seen, &(index, weight)), light) in seen.iter().zip(&started.places).zip(lights) {
-            let (pixel, sample) = (Pixel::weighted(light.radiance, weight), seen.start.sample);
-            sums[index].pixel.push_sample(sample, pixel);
-            if self.tiling.has_components() {
-                let components = match pixel.n_dropped {
-                    0 => Components::weighted(light.components, light.first, weight),
-                    _ => Components::default(),
-                };
-                sums[index].components.push_sample(sample, components);
+        let mut surfaces = Vec::new();
+        for (chunk, starts) in started.starts.chunks(self.batch.paths).enumerate() {
+            let first = chunk * self.batch.paths;
+            let of_chunk = first..first + starts.len();
+            let (hits, places) = (&hits[of_chunk.clone()], &started.places[of_chunk.clone()]);
+            surfaces.clear();
+            if self.tiling.has_guides() {
+                for (i, (start, &(index, _))) in of_chunk.zip(starts.iter().zip(places)) {
+                    let tests = tests.as_ref().map_or([0.0; 2], |tests| tests[i]);
+                    let (surface, guide) = self.guide(start, hits[surfaces.len()], tests);
+                    sums[index].guide.push_sample(start.sample, self.kept(guide));
+                    surfaces.push(surface);
+                }
+                times.end(Stage::Shading);
             }
-            n_rays += light.n_rays;
+            let lights = self.transport.samples(Seen { starts, hits, surfaces: &surfaces }, times);
+            for ((start, &(index, weight)), light) in starts.iter().zip(places).zip(lights) {
+                let (pixel, sample) = (Pixel::weighted(light.radiance, weight), start.sample);
+                sums[index].pixel.push_sample(sample, pixel);
+                if self.tiling.has_components() {
+                    let components = match pixel.n_dropped {
+                        0 => Components::weighted(light.components, light.first, weight),
+                        _ => Components::default(),
+                    };
+                    sums[index].components.push_sample(sample, components);
+                }
+                n_rays += light.n_rays;
+            }
+            times.end(Stage::Film);
         }
         started.starts.clear();
         started.places.clear();
@@ -152,64 +182,32 @@ impl TileRenderer<'_> {
         n_rays
     }
 
-    /// The hits of camera rays.
-    fn hits(&self, started: &Started, times: &mut Times) -> Vec<Seen> {
-        let hit = |&start: &Start| {
-            let hit = self.transport.bvh.closest_hit_with(&start.ray, &mut self.transport.camera_query(&start));
-            Seen { start, hit, surface: None }
-        };
-        let seen = started.starts.iter().map(hit).collect();
-        times.end(Stage::Rays);
-        seen
-    }
-
-    /// The hits of camera rays with their surfaces, whose AOVs are added.
-    fn guided(&self, started: &Started, sums: &mut [Sums], times: &mut Times) -> Vec<Seen> {
-        let traced: Vec<_> = started.starts.iter().map(|start| self.counted_hit(start)).collect();
-        times.end(Stage::Rays);
-        let mut seen = Vec::with_capacity(traced.len());
-        for ((&start, &(index, _)), (hit, tests)) in started.starts.iter().zip(&started.places).zip(traced) {
-            let (one, guide) = self.guide(start, hit, tests);
-            sums[index].guide.push_sample(start.sample, self.kept(guide));
-            seen.push(one);
-        }
-        times.end(Stage::Shading);
-        seen
-    }
-
-    /// The hit of a camera ray, and the tests of boxes and triangles where they are an AOV.
-    fn counted_hit(&self, start: &Start) -> (Option<Hit>, [f64; 2]) {
-        let query = self.transport.camera_query(start);
+    /// The hits of camera rays, and for each the tests of boxes and triangles where they are an AOV.
+    fn hits(&self, starts: &[Start]) -> (Vec<Option<Hit>>, Option<Vec<[f64; 2]>>) {
         if self.settings.aovs.contains(Aov::Tests) {
-            let mut counted = CountedHitFilter { filter: query, counts: Counts::default() };
-            let hit = self.transport.bvh.closest_hit_with(&start.ray, &mut counted);
-            (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
-        } else {
-            (self.transport.bvh.closest_hit_with(&start.ray, &mut { query }), [0.0; 2])
+            let (hits, tests) = starts.iter().map(|start| self.counted_hit(start)).unzip();
+            return (hits, Some(tests));
         }
+        (self.transport.camera_hits(starts), None)
     }
 
-    /// What a camera ray sees, and its AOVs.
-    fn guide(&self, start: Start, hit: Option<Hit>, tests: [f64; 2]) -> (Seen, Guide) {
-        let Start { ray, cone, .. } = &start;
+    /// The hit of a camera ray, and the tests of boxes and triangles.
+    fn counted_hit(&self, start: &Start) -> (Option<Hit>, [f64; 2]) {
+        let mut counted = CountedHitFilter { filter: self.transport.camera_query(start), counts: Counts::default() };
+        let hit = self.transport.bvh.closest_hit_with(&start.ray, &mut counted);
+        (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
+    }
+
+    /// The surface that a camera ray hits, and what it sees as AOVs.
+    fn guide(&self, start: &Start, hit: Option<Hit>, tests: [f64; 2]) -> (Option<Surface>, Guide) {
+        let Start { ray, cone, .. } = start;
         if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light has no albedo and no instance.
             let depth = self.view.depth(ray.at(t.into()));
-            return (
-                Seen { start, hit, surface: None },
-                Guide {
-                    n_hits: 1,
-                    depth,
-                    normal: normal.into(),
-                    shading_normal: normal.into(),
-                    tests,
-                    ..Guide::default()
-                },
-            );
+            let (normal, shading_normal) = (normal.into(), normal.into());
+            return (None, Guide { n_hits: 1, depth, normal, shading_normal, tests, ..Guide::default() });
         }
-        let Some(hit) = hit else {
-            return (Seen { start, hit, surface: None }, Guide { tests, ..Guide::default() });
-        };
+        let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
         let surface = self.transport.surfaces.at_ray(&hit, ray, *cone);
         let guide = Guide {
             n_hits: 1,
@@ -220,7 +218,7 @@ impl TileRenderer<'_> {
             albedo: surface.bsdf.albedo().map(f64::from),
             tests,
         };
-        (Seen { start, hit: Some(hit), surface: Some(surface) }, guide)
+        (Some(surface), guide)
     }
 }
 

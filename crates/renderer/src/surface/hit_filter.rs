@@ -113,6 +113,12 @@ impl<'a> HitFilter<'a> {
         })
     }
 
+    /// Whether the ray ends at a hit.
+    pub(crate) fn shows(&self, hit: &Hit) -> bool {
+        let leaves_hair = self.has_hair && hit.side == Side::Back && self.surfaces.is_hair(hit);
+        !leaves_hair && !self.passes(hit) && (!self.uses_alpha || self.surfaces.is_present(hit, self.key, self.sample))
+    }
+
     /// Whether a ray passes the face at a hit.
     fn passes(&self, hit: &Hit) -> bool {
         match (self.culling, self.rays) {
@@ -133,8 +139,7 @@ impl Query for HitFilter<'_> {
     }
 
     fn accepts(&mut self, hit: &Hit) -> bool {
-        let leaves_hair = self.has_hair && hit.side == Side::Back && self.surfaces.is_hair(hit);
-        !leaves_hair && !self.passes(hit) && (!self.uses_alpha || self.surfaces.is_present(hit, self.key, self.sample))
+        self.shows(hit)
     }
 }
 

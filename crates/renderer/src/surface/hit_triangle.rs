@@ -167,13 +167,18 @@ impl PlacedTriangle<'_> {
     /// The smooth surface over the hit; `None` without vertex normals, where it lies in the triangle or behind, and where one of the
     /// normals faces away from the triangle or their mean from the viewer.
     ///
-    /// `normal` is that of the triangle on the viewer's side. Each vertex has a plane perpendicular to its normal. The point is raised to the
+    /// `smooth` is the [interpolated normal](Self::smooth_normal), `normal` that of the triangle on the viewer's side. Each vertex has a plane perpendicular to its normal. The point is raised to the
     /// planes that lie above it, each by its barycentric weight. Planes of equal normals that are tilted against the triangle lie
     /// as far above the point as below, and in a hollow they lie below.
-    pub(super) fn smooth_surface(&self, normal: DVec3, towards_viewer: DVec3) -> Option<SmoothSurface> {
+    pub(super) fn smooth_surface(
+        &self,
+        smooth: Option<DVec3>,
+        normal: DVec3,
+        towards_viewer: DVec3,
+    ) -> Option<SmoothSurface> {
+        let smooth = smooth?;
         let Mesh { normals, close, .. } = self.triangle.mesh;
         let close = close.as_ref().and_then(|close| close.normals.as_ref());
-        let smooth = self.smooth_normal()?;
         let side = if smooth.dot(normal) < 0.0 { -1.0 } else { 1.0 };
         if side * smooth.dot(towards_viewer) <= 0.0 {
             return None;

@@ -229,7 +229,8 @@ impl<'a> Surfaces<'a> {
         });
         let texel = |slot: &Option<TextureRef>| lookups.as_ref().map_or([1.0; 4], |all| all.texel(slot.as_ref()));
         let emission_texel = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
-        let shading_normal = shading_normal(material, &placed, lookups.as_ref(), normal, towards_viewer);
+        let smooth = placed.smooth_normal();
+        let shading_normal = shading_normal(material, &placed, lookups.as_ref(), smooth, normal, towards_viewer);
         let mut bsdf = bsdf(material, placed.triangle.color(), is_front, texel);
         let mut along = None;
         if let Some(source) = &material.lobes {
@@ -244,7 +245,11 @@ impl<'a> Surfaces<'a> {
             position: placed.position().into(),
             normal: normal.into(),
             shading_normal: shading_normal.into(),
-            smooth: if material.transmission > 0.0 { None } else { placed.smooth_surface(normal, towards_viewer) },
+            smooth: if material.transmission > 0.0 {
+                None
+            } else {
+                placed.smooth_surface(smooth, normal, towards_viewer)
+            },
             is_front,
             bsdf,
             along: along.map(DVec3::into),

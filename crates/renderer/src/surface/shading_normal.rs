@@ -30,15 +30,15 @@ use crate::Lobes;
 
 /// The unit shading normal, on the viewer's side.
 ///
-/// `normal` is the geometric normal, on that side too; `lookup` is `None` for a material without textures.
+/// `smooth` is the interpolated normal, `normal` the geometric one on the viewer's side; `lookup` is `None` for a material without textures.
 pub(super) fn shading_normal(
     material: &Material,
     placed: &PlacedTriangle,
     lookup: Option<&TextureLookup>,
+    smooth: Option<DVec3>,
     normal: DVec3,
     towards_viewer: DVec3,
 ) -> DVec3 {
-    let smooth = placed.smooth_normal();
     let map = material.normal_texture.as_ref().zip(lookup);
     let result = map.and_then(|(slot, lookup)| {
         // Cofactors of a mirroring transform flip normals.
