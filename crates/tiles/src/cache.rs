@@ -274,6 +274,8 @@ impl Cache {
                 let instances: Vec<Instance> = own.iter().map(|(_, instance)| *instance).collect();
                 let tlas = Tlas::new(vec![Arc::clone(&bvh)], &instances, Default::default());
                 let tlas = tlas.map_err(|error| TileError::damaged(&path, error))?;
+                // Now, so that they count as memory of the tile.
+                tlas.find_bounds();
                 Some(Placed { tlas, placements: own.iter().map(|(i, _)| *i).collect() })
             }
         };

@@ -143,6 +143,7 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
         B: Sync,
     {
         assert_eq!(points.len(), nearest.len(), "one answer for each point");
+        self.find_bounds();
         par::for_chunks(nearest, CHUNK, |first, nearest| {
             self.nearest_point_many(&points[first..first + nearest.len()], max_distance, nearest);
         });
@@ -178,6 +179,7 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
         B: Sync,
     {
         assert_eq!(points.len(), distances.len(), "one answer for each point");
+        self.find_bounds();
         par::for_chunks(distances, CHUNK, |first, distances| {
             self.signed_distance_many(&points[first..first + distances.len()], distances);
         });

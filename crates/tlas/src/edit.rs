@@ -25,7 +25,8 @@ use crate::{Instance, InstanceError, Tlas, TopConfig};
 /// An instance whose transform is a scale by zero is hidden until it is moved: no ray hits it, and it has no bounds. So it is with those of a
 /// BVH without primitives.
 impl<B: Intersect> Tlas<B> {
-    /// Starts several changes.
+    /// Starts several changes. The first edit finds what changes need of every instance, its bounds and boxes, makes ordinary instances of copies
+    /// ([`Tlas::of_copies`]), and keeps that; [`Tlas::set_instances`] frees it.
     ///
     /// ```
     /// use canted_obb::Affine;
@@ -48,7 +49,7 @@ impl<B: Intersect> Tlas<B> {
     /// ```
     pub fn edit(&mut self) -> TlasEdit<'_, B> {
         // Before a BVH is another one.
-        self.bounds_of_instances();
+        self.find_bounds();
         self.placements.each();
         if let Some(bounds) = self.bounds.get() {
             self.top.prepare_changes(bounds);
@@ -152,7 +153,7 @@ impl<B: Intersect> Tlas<B> {
 
     /// The bounds of all instances, which an edit starts with.
     fn known_bounds(&mut self) -> &mut Vec<Bounds> {
-        self.bounds_of_instances();
+        self.find_bounds();
         self.bounds.get_mut().expect("they were found")
     }
 

@@ -137,6 +137,7 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
         B: Sync,
     {
         assert_eq!(points.len(), inside.len(), "one answer for each point");
+        self.find_bounds();
         par::for_chunks(inside, CHUNK, |first, inside| {
             self.contains_many(&points[first..first + inside.len()], inside)
         });

@@ -86,8 +86,11 @@ impl<B: Intersect> Tlas<B> {
         Ok(tlas)
     }
 
-    /// Places copies of one bottom-level BVH by their maps from its object space to world space: as [`Tlas::new`] with an [`Instance::new`] for
-    /// each, whose hits are the same bits, in less memory: 48 bytes each and those of the top level, instead of 64. A ray takes a division longer for each that it enters. The first change of anything makes ordinary instances of all.
+    /// Places copies of one bottom-level BVH by their maps from its object space to world space, in less memory: as [`Tlas::new`] with an
+    /// [`Instance::new`] for each, whose hits are the same bits, in 48 bytes and those of the top level instead of 64.
+    ///
+    /// A ray computes a determinant and a division more for each copy that it enters. [`Tlas::edit`], and each change by another method, makes ordinary
+    /// instances of all copies.
     ///
     /// ```
     /// use canted_obb::Affine;
@@ -150,12 +153,24 @@ impl<B: Intersect> Tlas<B> {
 
     /// The bounds of each instance, world space, and the error of its hits.
     pub(crate) fn bounds_of_instances(&self) -> &[Bounds] {
-        self.bounds.get_or_init(|| {
-            par::from_fn(self.n_numbers(), JOB, |index| match self.given(index) {
-                removed if removed.is_removed() => Bounds::EMPTY,
-                instance => self.place(index, &instance).map_or(Bounds::EMPTY, |placed| placed.bounds),
-            })
-        })
+        // On this thread alone: one that waited for others here might be given work that waits for it.
+        self.bounds.get_or_init(|| (0..self.n_numbers()).map(|index| self.bounds_of(index)).collect())
+    }
+
+    /// Finds the bounds of all instances, which queries about places and changes need, on several threads, and keeps them.
+    #[doc(hidden)]
+    pub fn find_bounds(&self) {
+        if self.bounds.get().is_none() {
+            // Another thread may have been first, with the same bounds.
+            let _ = self.bounds.set(par::from_fn(self.n_numbers(), JOB, |index| self.bounds_of(index)));
+        }
+    }
+
+    fn bounds_of(&self, index: usize) -> Bounds {
+        match self.given(index) {
+            removed if removed.is_removed() => Bounds::EMPTY,
+            instance => self.place(index, &instance).map_or(Bounds::EMPTY, |placed| placed.bounds),
+        }
     }
 
     /// The same TLAS with its top level traced on another SIMD path: on the scalar one if this machine does not support
@@ -386,11 +401,11 @@ mod tests {
         copies.set_mask(InstanceId(3), 1).unwrap();
         assert!(copies.n_bytes() <= 205 * n, "{}", copies.n_bytes());
         // Where all can be hit and have errors of one size, numbers need no list.
-        let turned = |map: &Affine, i: u16| {
+        let rotated = |map: &Affine, i: u16| {
             let [x, y, z, _] = Affine::rotation([0.0, 0.6, 0.8], f64::from(i)).columns;
             Affine { columns: [x, y, z, map.columns[3].map(|x| x.min(100.0))] }
         };
-        let similar: Vec<Affine> = maps.iter().zip(0..).map(|(map, i)| turned(map, i)).collect();
+        let similar: Vec<Affine> = maps.iter().zip(0..).map(|(map, i)| rotated(map, i)).collect();
         let copies = Tlas::of_copies(triangle(), &similar, TopConfig::default()).unwrap();
         assert!(copies.n_bytes() <= 108 * n, "{}", copies.n_bytes());
     }
@@ -437,6 +452,56 @@ mod tests {
                     tlas.insert(instances[5]).unwrap();
                 }
             }
+        }
+    }
+
+    /// Slices and queries about places, each of a new TLAS, of which nothing was asked before: with errors of several sizes, and of one.
+    #[test]
+    fn slices_and_places_of_copies_are_those_of_instances() {
+        let many = maps(600);
+        let similar = many.iter().filter(|map| map.columns[3][0] < 100.0 && map.columns[0] != [0.0; 3]).copied();
+        for maps in [similar.collect(), many] {
+            let instances: Vec<Instance> = maps.iter().map(|&map| Instance::new(0, map)).collect();
+            let both = || {
+                let config = TopConfig::default();
+                let copies = Tlas::of_copies(triangle(), &maps, config.clone()).unwrap();
+                [copies, Tlas::new(vec![triangle()], &instances, config).unwrap()]
+            };
+            let mut rng = canted_fixtures::SplitMix64::new(10);
+            let points: Vec<[f64; 3]> = maps
+                .iter()
+                .map(|map| {
+                    let near = rng.signed3();
+                    [0, 1, 2].map(|k| f64::from(map.columns[3][k]) + 0.5 * near[k])
+                })
+                .collect();
+            let rays: Vec<Ray> = points
+                .iter()
+                .map(|point| {
+                    let direction = rng.on_sphere();
+                    let origin = [0, 1, 2].map(|k| (point[k] - 3.0 * direction[k]) as f32);
+                    Ray::new(origin, direction.map(|x| x as f32))
+                })
+                .collect();
+            let hits = both().map(|tlas| {
+                let mut hits = vec![None; rays.len()];
+                tlas.closest_hits(&rays, &mut hits);
+                hits
+            });
+            assert!(hits[0] == hits[1] && hits[0].iter().flatten().count() > 50);
+            let odd = |i: usize, _: &Ray, hit: &canted_trace::Hit| !(i + hit.instance.index()).is_multiple_of(2);
+            let occluded = both().map(|tlas| {
+                let mut occluded = vec![false; rays.len()];
+                tlas.occluded_many_with(&rays, &mut occluded, &odd);
+                occluded
+            });
+            assert!(occluded[0] == occluded[1] && occluded[0].contains(&true));
+            let nearest = both().map(|tlas| {
+                let mut nearest = vec![None; points.len()];
+                tlas.par_nearest_point_many(&points, 2.0, &mut nearest);
+                nearest
+            });
+            assert!(nearest[0] == nearest[1] && nearest[0].iter().flatten().count() > 300);
         }
     }
 

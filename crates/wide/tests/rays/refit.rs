@@ -4,7 +4,7 @@ use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64, Strand};
 use canted_lbvh::GeometryError;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Counts, Intersect, Kernel, MollerTrumbore, Ray, TriangleTest, Watertight};
-use canted_wide::{Preset, RefitError, TriangleBvh};
+use canted_wide::{Preset, RefitError, SimdPath, TriangleBvh};
 
 use crate::common::{brute, build, build_for, grazing_rays};
 
@@ -154,6 +154,26 @@ fn threads_change_nothing() {
     };
     let one = on(1);
     assert!(on(2) == one && on(5) == one);
+}
+
+/// Leaves of all sizes, in batches that begin anywhere; the first refit also measures the state before it.
+#[test]
+fn paths_change_nothing() {
+    for (name, mesh) in meshes() {
+        for preset in [Preset::Dynamic, Preset::Quality] {
+            for (motion, moved) in motions(&mesh).iter().step_by(3) {
+                let refitted = |path: SimdPath| {
+                    let mut wide = build(&mesh, preset).with_path(path);
+                    let refit = wide.refit(&moved.positions, &moved.triangles).unwrap();
+                    (wide.with_path(SimdPath::Scalar).to_bytes(), refit)
+                };
+                let scalar = refitted(SimdPath::Scalar);
+                for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                    assert!(refitted(path) == scalar, "{name}, {motion}, {preset:?}, {}", path.name());
+                }
+            }
+        }
+    }
 }
 
 #[test]
