@@ -45,7 +45,8 @@ impl<T> Buffer<T> {
         self.len == 0
     }
 
-    /// The buffer itself, for a program's own bind groups and copies. All of it has these values, if the program made it.
+    /// The buffer itself, for a program's own bind groups and copies. Its first [`Buffer::n_bytes`] have these values: of a [work
+    /// buffer](Gpu::work_buffer) there may be more, and parts of buffers begin elsewhere.
     #[must_use]
     pub fn wgpu(&self) -> &wgpu::Buffer {
         &self.raw
@@ -131,8 +132,8 @@ impl Gpu {
         self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
     }
 
-    /// A buffer of `len` values for the work of one call: what kernels did not write yet may have any value. The memory serves the next call that
-    /// asks for a buffer of this name, where no buffer of this one is left.
+    /// A buffer of `len` values for the work of one call: what kernels did not write yet may have any value. Once all handles are dropped, a later
+    /// call with the same name may get the same memory, of which up to four times as much may be there as it needs.
     ///
     /// The device keeps the memory until something else needs it, or [`Gpu::free_work_buffers`] frees it.
     ///

@@ -168,21 +168,19 @@ pub(crate) struct WorkBuffers(Mutex<HashMap<String, Vec<Owned>>>);
 type Owned = (wgpu::Buffer, Arc<Reservation>);
 
 impl WorkBuffers {
-    /// The smallest of at least `size` bytes, and not many times as many, that nothing uses. If there is none, one that is too small is freed.
+    /// The smallest of at least `size` bytes, and not many times as many, that nothing uses. If there is none, those that nothing uses are freed: too
+    /// small or too large ones would stay beside the new one.
     pub(crate) fn take(&self, name: &str, size: u64) -> Option<Owned> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let list = kept.get_mut(name)?;
-        let unused = (0..list.len()).filter(|&i| Arc::strong_count(&list[i].1) == 1);
-        let (fitting, small): (Vec<usize>, Vec<usize>) = unused.partition(|&i| list[i].0.size() >= size);
-        if let Some(i) = fitting.into_iter().min_by_key(|&i| list[i].0.size()) {
-            // A large one is not bound up by little: it can be freed.
-            let is_close = list[i].0.size() <= MOST_TIMES * size.max(LEAST);
-            return is_close.then(|| list[i].clone());
+        let is_unused = |(_, reservation): &Owned| Arc::strong_count(reservation) == 1;
+        let fits = size..=MOST_TIMES * size.max(LEAST);
+        let fitting = list.iter().filter(|owned| is_unused(owned) && fits.contains(&owned.0.size()));
+        let found = fitting.min_by_key(|(buffer, _)| buffer.size()).cloned();
+        if found.is_none() {
+            list.retain(|owned| !is_unused(owned));
         }
-        if let Some(i) = small.into_iter().max_by_key(|&i| list[i].0.size()) {
-            list.swap_remove(i);
-        }
-        None
+        found
     }
 
     /// Keeps a buffer.

@@ -80,8 +80,8 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
             guides,
             components,
             first_light,
-            // A first dispatch, which includes compilation, is no reason for fewer.
-            n_groups: pace.n_groups().max(FIRST).min(n),
+            // Other samples may cost more than those before, and a first dispatch, which includes compilation, is no reason for fewer.
+            n_groups: (pace.n_groups() / 4).max(FIRST).min(n),
             pace: pace.clone(),
             n_exact_rays: 0,
         })
@@ -153,7 +153,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let kept = guides.into_iter().chain(components).chain(first_light);
         let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
         self.kernels.run(self.gpu, &bindings, n)?;
-        let time = start.elapsed();
+        let mut time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
         let n_records = n_samples / slice.block as usize;
         loop {
@@ -164,7 +164,9 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
                 found.records.extend(records);
                 break;
             }
+            let start = Instant::now();
             self.kernels.run_rest(self.gpu, &bindings, n)?;
+            time += start.elapsed();
         }
         if let Some(guides) = &self.guides {
             found.guides.extend(block_on(self.gpu.read_first(guides, n_samples))?);

@@ -340,10 +340,10 @@ fn reach(positions: &[[f32; 3]]) -> f32 {
     positions.as_flattened().iter().fold(0.0, greater)
 }
 
-/// Whether the device places an instance of a mesh that reaches so far, for sure: it rejects condition numbers above [`MAX_CONDITION`], scales below 2^-100 and
-/// coordinates above 1e18, computed with relative errors of some 2^-20 at such condition numbers.
+/// Whether the device places an instance of a mesh that reaches so far, for sure: it rejects condition numbers above [`MAX_CONDITION`], scales below 2^-100, and
+/// coordinates and numbers of transforms above 1e18, computed with relative errors of some 2^-20 at such condition numbers.
 fn is_placed(world_from_object: &Affine, reach: f32) -> bool {
-    const SCALES: [f64; 2] = [1e-20, 1e20];
+    const SCALES: [f64; 2] = [1e-17, 1e17];
     let Ok(inverse) = canted_tlas::Instance::new(0, *world_from_object).object_from_world(0) else { return false };
     let row_sum = |row: &[f64; 4]| row[..3].iter().map(|x| x.abs()).sum::<f64>();
     let (forward, backward) = (world_from_object.row_sum_norm(), inverse.iter().map(row_sum).fold(0.0, f64::max));

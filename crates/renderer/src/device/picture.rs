@@ -102,9 +102,9 @@ impl Pace {
         Some(self.n_rounds.load(Ordering::Relaxed)).filter(|&n| n > 0)
     }
 
-    /// Notes the rounds that some samples needed.
+    /// Notes the rounds that some samples needed: the most of them, which later ones forget one by one.
     pub(super) fn took_rounds(&self, n: u32) {
-        self.n_rounds.fetch_max(n, Ordering::Relaxed);
+        self.n_rounds.store(n.max(self.n_rounds.load(Ordering::Relaxed).saturating_sub(1)), Ordering::Relaxed);
     }
 }
 

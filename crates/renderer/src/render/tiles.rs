@@ -78,7 +78,7 @@ impl RenderTiles for TileRenderer<'_> {
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
         let mut started = Started::default();
         started.add(0, self.start(&mut self.transport.sampler.remembering(), pixel, sample));
-        self.finish(&mut started, std::slice::from_mut(sums), &mut Times::new())
+        self.finish(&mut started, std::slice::from_mut(sums), &mut Times::new(), &|| false).unwrap_or_default()
     }
 
     fn kept(&self, guide: Guide) -> Guide {
@@ -114,11 +114,11 @@ impl TileRenderer<'_> {
                     }
                     started.add(index, self.start(&mut sampler, pixel, sample));
                     if started.starts.len() == self.batch.rays {
-                        *n_rays += self.finish(&mut started, sums, times);
+                        *n_rays += self.finish(&mut started, sums, times, stop)?;
                     }
                 }
             }
-            *n_rays += self.finish(&mut started, sums, times);
+            *n_rays += self.finish(&mut started, sums, times, stop)?;
             if !adaptive.advance(self.settings, sums) {
                 return Some(());
             }
@@ -140,14 +140,24 @@ impl TileRenderer<'_> {
         (Start { ray, cone: self.view.cone(position, sample), pixel: number, sample }, weight)
     }
 
-    /// Traces paths, and adds the radiance and the AOVs of samples, in order, to the sums of their cell; returns the number of rays.
-    fn finish(&self, started: &mut Started, sums: &mut [Sums], times: &mut Times) -> u64 {
+    /// Traces paths, and adds the radiance and the AOVs of samples, in order, to the sums of their cell; returns the number of rays. `None` once `stop`,
+    /// which is called before each few paths, returns true.
+    fn finish(
+        &self,
+        started: &mut Started,
+        sums: &mut [Sums],
+        times: &mut Times,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<u64> {
         times.end(Stage::Camera);
         let (hits, tests) = self.hits(&started.starts);
         times.end(Stage::Rays);
         let mut n_rays = 0;
         let mut surfaces = Vec::new();
         for (chunk, starts) in started.starts.chunks(self.batch.paths).enumerate() {
+            if stop() {
+                return None;
+            }
             let first = chunk * self.batch.paths;
             let of_chunk = first..first + starts.len();
             let (hits, places) = (&hits[of_chunk.clone()], &started.places[of_chunk.clone()]);
@@ -179,7 +189,7 @@ impl TileRenderer<'_> {
         started.starts.clear();
         started.places.clear();
         times.end(Stage::Film);
-        n_rays
+        Some(n_rays)
     }
 
     /// The hits of camera rays, and for each the tests of boxes and triangles where they are an AOV.
