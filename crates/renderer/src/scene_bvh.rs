@@ -430,6 +430,7 @@ pub(crate) fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) ->
 
 #[cfg(test)]
 mod tests {
+    use canted_fixtures::displaced_icosphere;
     use canted_obb::Affine;
     use canted_scene::{Instance, Mesh, MeshId};
 
@@ -478,6 +479,56 @@ mod tests {
                 [Ok(2), Ok(2)],
                 "{low:?}"
             );
+        }
+    }
+
+    /// A filter of a slice gets the index of its ray, and the instance and the side of each hit in the scene.
+    #[test]
+    fn slices_have_the_hits_of_their_rays() {
+        let sphere = displaced_icosphere(3, 3);
+        let mesh = Mesh { positions: sphere.positions, triangles: sphere.triangles, ..Mesh::default() };
+        let n_triangles = mesh.triangles.len() as u32;
+        let instance = |i: u16, mirror: f32| Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine {
+                columns: [
+                    [mirror, 0.0, 0.0],
+                    [0.2, 1.0, 0.0],
+                    [0.0, 0.0, 1.0],
+                    [1.5 * f32::from(i), 0.0, f32::from(i)],
+                ],
+            },
+            world_from_object_close: None,
+            first_primitive: n_triangles * u32::from(i),
+        };
+        let instances = vec![instance(0, 1.0), instance(1, -1.0), instance(2, 1.0)];
+        let scene = Scene { meshes: vec![mesh], instances, ..Scene::default() };
+        let rays: Vec<Ray> = (0_u16..2500)
+            .map(|i| {
+                let [x, y] = [i % 50, i / 50].map(|k| f32::from(k) / 50.0);
+                Ray::new([8.0 * x - 2.0, 3.0 * y - 1.5, -9.0], [0.1, 0.05, 1.0])
+            })
+            .collect();
+        let accepts = |i: usize, hit: &Hit| {
+            let is_front = hit.side == canted_trace::Side::Front;
+            !(i + hit.instance.index() + hit.primitive.index()).is_multiple_of(3) && (is_front || i.is_multiple_of(2))
+        };
+        let accept = |i: usize, _: &Ray, hit: &Hit| accepts(i, hit);
+        for levels in [Levels::One, Levels::Two] {
+            let bvh = SceneBvh::build(&scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap();
+            let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+            bvh.closest_hits_with(&rays, &mut hits, &accept);
+            bvh.occluded_many_with(&rays, &mut occluded, &accept);
+            let (mut n, mut n_backs) = ([0; 3], 0);
+            for (i, ray) in rays.iter().enumerate() {
+                let alone = bvh.closest_hit_with(ray, &mut canted_trace::Accept(|hit: &Hit| accepts(i, hit)));
+                assert_eq!((hits[i], occluded[i]), (alone, alone.is_some()), "{levels:?}, ray {i}");
+                if let Some(hit) = alone {
+                    n[hit.instance.index()] += 1;
+                    n_backs += usize::from(hit.side == canted_trace::Side::Back);
+                }
+            }
+            assert!(n.iter().all(|&n| n > 100) && n_backs > 20, "{n:?}, {n_backs} from the back");
         }
     }
 

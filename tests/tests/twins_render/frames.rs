@@ -182,4 +182,10 @@ fn faults_are_read_back_where_they_may_be() {
         assert_eq!(is_placed, condition < 1024.0);
         assert_eq!((gpu.traffic() - before).n_downloads, n_downloads, "condition number {condition}");
     }
+    // A scale that the device rejects, of a mesh so small that its coordinates are none that it rejects.
+    scene.instances[1].world_from_object.columns = [[1e19, 0.0, 0.0], [0.0, 1e19, 0.0], [0.0, 0.0, 1e19], [0.0; 3]];
+    let mesh = scene.instances[1].mesh.0 as usize;
+    scene.meshes[mesh].positions.iter_mut().for_each(|position| *position = position.map(|x| 1e-6 * x));
+    bvh.update(&scene, &UpdateOptions::default()).unwrap();
+    assert!(traced_frame(&gpu, &scene, &bvh, &mut frames).is_err());
 }
