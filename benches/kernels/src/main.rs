@@ -1,6 +1,7 @@
 //! What Mesa's RADV makes of every kernel that a run can use; `cargo xtask kernels` runs it for each family of devices.
 //!
-//! RADV compiles for a device that is not there if `RADV_FORCE_FAMILY` names its family. Prints a JSON list of [`Row`]s, or `{"missing": REASON}`
+//! RADV compiles for a device that is not there if `RADV_FORCE_FAMILY` names its family. `--quick` skips the exact kernels for instances, which are
+//! the largest. Prints a JSON list of [`Row`]s, or `{"missing": REASON}`
 //! where there is no RADV. Numbers are those of the compiled machine code, so they depend on the version of Mesa.
 #![deny(unsafe_code)]
 
@@ -12,7 +13,7 @@ use std::{
     thread,
 };
 
-use canted_shaders::{Shader, ShaderName, Variant, choice, kernels, variants};
+use canted_shaders::{Shader, ShaderName, Variant, choice, kernels, variants, wgsl};
 use serde::Serialize;
 
 use driver::{Compiled, Driver};
@@ -51,11 +52,13 @@ fn main() -> ExitCode {
 
 /// All kernels, compiled on all threads of the processor.
 fn rows(driver: &Driver, family: &str) -> Result<Vec<Row>, String> {
+    let is_quick = std::env::args().any(|arg| arg == "--quick");
     let mut jobs = vec![];
     for kernel in kernels().filter(|kernel| !kernel.as_str().starts_with("check/")) {
         let variants = variants(kernel).map_err(|error| error.to_string())?;
         // Counting is for measurements.
-        jobs.extend(variants.into_iter().filter(|chosen| !counts(chosen)).map(|chosen| (kernel, chosen)));
+        let is_wanted = |chosen: &Variant| !(counts(chosen) || is_quick && is_large(kernel, chosen));
+        jobs.extend(variants.into_iter().filter(is_wanted).map(|chosen| (kernel, chosen)));
     }
     let next = AtomicUsize::new(0);
     let work = || {
@@ -97,6 +100,12 @@ fn row(driver: &Driver, family: &str, kernel: ShaderName, chosen: &Variant) -> R
 
 fn counts(chosen: &Variant) -> bool {
     chosen.has(choice::Count::Tests)
+}
+
+/// Whether a kernel is an exact one for instances: transforms in emulated double precision make them ten times as long as others.
+fn is_large(kernel: ShaderName, chosen: &Variant) -> bool {
+    let is_exact = [wgsl::trace::CLOSEST, wgsl::trace::OCCLUDED].contains(&kernel);
+    is_exact && (chosen.has(choice::Level::Instances) || chosen.has(choice::Level::Moving))
 }
 
 /// The choices of a variant: `slot=choice` for each slot, in the order of names.
