@@ -504,4 +504,70 @@ mod tests {
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }
     }
+
+    /// Leaves of all sizes in one call, so that batches end anywhere, small ones in both parts of shared half-blocks: each as in a call of its own.
+    #[test]
+    fn leaves_of_a_batch_are_those_of_calls_of_their_own() {
+        let mut rng = canted_fixtures::SplitMix64::new(7);
+        let (mut n_late, mut n_second_parts) = (0, 0);
+        for _ in 0..160 {
+            let (mut leaves, mut n_halves, mut n_before) = (vec![], 0, 0);
+            while leaves.len() < 40 {
+                let most = [PART_LANES, MAX_LEAF][rng.below(2)];
+                let n = 1 + rng.below(most);
+                let follows = leaves
+                    .last()
+                    .is_some_and(|last: &LeafSlots| last.n <= PART_LANES && last.first.is_multiple_of(PARTS));
+                let is_second = n <= PART_LANES && follows;
+                let first = if is_second { PARTS * (n_halves - 1) + 1 } else { PARTS * n_halves };
+                n_halves += if is_second { 0 } else { LeafLayout::BLOCKS.n_units(n) };
+                leaves.push(LeafSlots { first, n });
+                // Blocks of eight in the last places of a batch have no eight rows after them.
+                n_before = if n_before + n > BATCH { 0 } else { n_before };
+                let last = n_before + (n - 1) / 8 * 8;
+                n_late += usize::from((n - 1) % 8 >= 4 && last + 8 > BATCH);
+                n_before += n;
+                n_second_parts += usize::from(is_second);
+            }
+            let mut halves = vec![HalfBlock([0; HALF_BLOCK_WORDS]); n_halves];
+            let words: &mut [u32] = bytemuck::cast_slice_mut(&mut halves);
+            let mut n_triangles = 0_u32;
+            for leaf in &leaves {
+                for i in 0..leaf.n {
+                    let place = LaneWords::of(i, leaf.n, leaf.first % PARTS).word(LaneWords::ID_ROW);
+                    words[leaf.first / PARTS * HALF_BLOCK_WORDS + place] = n_triangles;
+                    n_triangles += 1;
+                }
+            }
+            let positions: Vec<[f32; 3]> = (0..3 * n_triangles).map(|_| rng.signed3().map(|x| x as f32)).collect();
+            let triangles: Vec<[u32; 3]> = (0..n_triangles).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
+            let (frames, path) = ([frame; 2], AvailablePath::detect());
+            let moved = MovedTriangles { positions: &positions, triangles: &triangles, frames, path };
+            let mut alone = halves.clone();
+            let (mut of_all, mut of_each) = (LeafStates::new(40, true), LeafStates::new(40, true));
+            moved.after(&mut halves, &leaves, &mut of_all);
+            leaves.iter().for_each(|leaf| moved.after(&mut alone, std::slice::from_ref(leaf), &mut of_each));
+            assert!(bytemuck::cast_slice::<_, u32>(&halves) == bytemuck::cast_slice::<_, u32>(&alone));
+            assert_eq!((&of_all.extremes, of_all.bounds), (&of_each.extremes, of_each.bounds));
+            let slabs = [of_all, of_each].map(|states| {
+                let items = states.items.unwrap();
+                items.slabs(0..items.len(), Obb::IDENTITY_FRAME, f32::INFINITY)
+            });
+            assert_eq!(slabs[0], slabs[1]);
+            // Every triangle is where its number is.
+            let words: &[u32] = bytemuck::cast_slice(&halves);
+            let mut number = 0;
+            for leaf in &leaves {
+                for i in 0..leaf.n {
+                    let place = LaneWords::of(i, leaf.n, leaf.first % PARTS);
+                    let word = |row| words[leaf.first / PARTS * HALF_BLOCK_WORDS + place.word(row)];
+                    let stored: [f32; 9] = std::array::from_fn(|row| f32::from_bits(word(row)));
+                    assert_eq!(stored, *positions[3 * number..3 * number + 3].as_flattened());
+                    number += 1;
+                }
+            }
+        }
+        assert!(n_late > 10 && n_second_parts > 800, "{n_late}, {n_second_parts}");
+    }
 }
