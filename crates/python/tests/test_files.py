@@ -55,6 +55,8 @@ def test_hits_nearest_points_and_instances_are_pickled():
         assert (other.distance == near.distance).all() and (other.primitive == near.primitive).all() and (other.position == near.position).all()
         assert (other.instance is None) == (near.instance is None) and repr(other) == repr(near)
     for other in (pickle.loads(pickle.dumps(tlas)), copy.deepcopy(tlas)):
+        # What a query about places finds is kept, and counted.
+        assert (other.nearest(ORIGINS).distance == tlas.nearest(ORIGINS).distance).all()
         assert other.stats() == tlas.stats() and (other.bounds == tlas.bounds).all() and same(other, tlas)
         assert (other.contains(ORIGINS) == tlas.contains(ORIGINS)).all()
 
