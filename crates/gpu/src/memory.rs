@@ -122,7 +122,7 @@ impl Counters {
     }
 }
 
-/// Least bytes of a staging buffer, so that small results share them.
+/// Least bytes of a staging buffer, and of a work buffer that is compared with what is needed, so that small ones share them.
 const LEAST: u64 = 1 << 12;
 
 /// Staging buffers that are kept: two for each of a few threads that read at once.

@@ -68,11 +68,11 @@ const MOST_ROUNDS: u32 = 64;
 
 /// Samples of a frame of a sequence up to which one kernel takes each with all its rays: streams of so few cost more in dispatches than they save (the Fox,
 /// one sample of 200 x 112 pixels and four: 0.45 and 2.8 s, as streams 1.0 and 2.7 s; llvmpipe, loaded machine, 2026-11-29).
-const FEW_SAMPLES: u32 = 1 << 16;
+const SMALL_FRAME: u32 = 1 << 16;
 
 /// Whether a frame has so few samples.
 fn is_small(settings: &Settings) -> bool {
-    n_groups(settings).saturating_mul(CELL * CELL) <= FEW_SAMPLES
+    n_groups(settings).saturating_mul(CELL * CELL) <= SMALL_FRAME
 }
 
 /// How often the samples of a picture are shaded as streams.
