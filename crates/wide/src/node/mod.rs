@@ -28,7 +28,7 @@ pub(crate) use links::{Change, Content, Link, Links, NO_NODE};
 pub(crate) use mapped::Map;
 pub(crate) use records::Records;
 pub use rows::NodeBox;
-pub(crate) use rows::{NOWHERE, Row, node_words, rows, set_word, write_box, write_boxes, write_slabs};
+pub(crate) use rows::{NOWHERE, Row, node_words, rows, set_word, write_box, write_boxes, write_intervals, write_slabs};
 pub(crate) use units::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, PART_LANES, PARTS};
 
 /// A cache line of two eight-lane rows; nodes start on one.

@@ -1,6 +1,7 @@
 //! Nodes as rows of eight lanes, and boxes as they hold them.
 
 use canted_obb::Aabb;
+use canted_obb::round::magnitude_up;
 use canted_trace::Slabs;
 use canted_trace::lanes::lower;
 
@@ -105,14 +106,28 @@ pub(crate) fn write_slabs(rows: &mut [Row], i: usize, padded: Option<(Slabs, f64
     }
 }
 
-/// The center of an interval and a half-extent that exceeds both ends by `pad`.
+/// Replaces the centers and half-extents along axis `k` of all slots, `lo` and `hi` the ends of their boxes, with their pads; slots where `lo` is
+/// greater keep what they hold.
+#[inline(always)]
+pub(crate) fn write_intervals(rows: &mut [Row], k: usize, [lo, hi]: [&[f32; 8]; 2], pads: &[f64; 8]) {
+    for i in 0..8 {
+        let (center, half) = center_and_half(lo[i], hi[i], pads[i]);
+        let is_used = lo[i] <= hi[i];
+        rows[5 * k + 3][i] = if is_used { center } else { rows[5 * k + 3][i] };
+        rows[5 * k + 4][i] = if is_used { half } else { rows[5 * k + 4][i] };
+    }
+}
+
+/// The center of an interval and a half-extent that exceeds both ends by `pad`, without branches.
+#[inline(always)]
 fn center_and_half(lo: f32, hi: f32, pad: f64) -> (f32, f32) {
+    let (least, greatest) = (|a, b| if a < b { a } else { b }, |a, b| if a > b { a } else { b });
     // Projections of coordinates near the end of the range may exceed it; no box holds an infinity or NaN.
-    let [lo, hi] = [lo, hi].map(|x| x.clamp(f32::MIN, f32::MAX));
-    let center = (0.5 * (f64::from(lo) + f64::from(hi))) as f32;
-    // Differences of f32 are exact in f64 except for a last bit, which the step upward covers; the proof of the pads covers the
-    // rounding of the sum.
-    let reach = (f64::from(hi) - f64::from(center)).max(f64::from(center) - f64::from(lo)).next_up() + pad;
-    let half = reach as f32;
-    (center, if f64::from(half) < reach { half.next_up() } else { half }.min(f32::MAX))
+    let (lo, hi) = (f64::from(least(greatest(lo, f32::MIN), f32::MAX)), f64::from(least(greatest(hi, f32::MIN), f32::MAX)));
+    let center = (0.5 * (lo + hi)) as f32;
+    let (above, below) = (hi - f64::from(center), f64::from(center) - lo);
+    // Differences of f32 are exact in f64 except for a last bit, which the step upward covers (of a number that is not negative); the proof of
+    // the pads covers the rounding of the sum.
+    let reach = f64::from_bits((if above > below { above } else { below }).to_bits() + 1) + pad;
+    (center, least(magnitude_up(reach), f32::MAX))
 }

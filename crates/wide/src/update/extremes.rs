@@ -1,11 +1,10 @@
 //! Boxes of nodes and their part in the predicted cost, eight children at a time.
 
 use canted_obb::Aabb;
-use canted_trace::Slabs;
 
 use super::boxes::frame_of;
 use crate::config::Costs;
-use crate::node::{ChildWord, DecodedWord, NOWHERE, NodeKind, Row, write_slabs};
+use crate::node::{ChildWord, DecodedWord, NOWHERE, NodeKind, Row, write_intervals};
 use crate::simd::Simd;
 use crate::traverse::BoxPads;
 
@@ -79,6 +78,27 @@ impl Extremes {
     }
 }
 
+/// The least and greatest [`Slabs::ends`](canted_trace::Slabs::ends) of a leaf or a node along three rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ends {
+    pub(super) lo: [f64; 3],
+    pub(super) hi: [f64; 3],
+}
+
+impl Ends {
+    /// Of nothing.
+    pub(super) const EMPTY: Self = Self { lo: [f64::MAX; 3], hi: [f64::MIN; 3] };
+
+    /// Of both.
+    pub(super) fn union(mut self, other: Self) -> Self {
+        for k in 0..3 {
+            self.lo[k] = self.lo[k].min(other.lo[k]);
+            self.hi[k] = self.hi[k].max(other.hi[k]);
+        }
+        self
+    }
+}
+
 /// A node whose children are known.
 pub(super) struct Closing<'a> {
     pub(super) kind: NodeKind,
@@ -89,8 +109,8 @@ pub(super) struct Closing<'a> {
 }
 
 impl Closing<'_> {
-    /// Adds the boxes of the node to `sums`, writes them if pads are given, and returns what the boxes around the node depend on. `slabs`
-    /// computes the oriented box in a slot.
+    /// Adds the boxes of the node to `sums`, writes them if pads are given, and returns what the boxes around the node depend on. `ends` are
+    /// those of the content of a slot along these rows.
     #[inline(always)]
     pub(super) fn close<S: Simd>(
         self,
@@ -98,7 +118,7 @@ impl Closing<'_> {
         rows: &mut [Row],
         pads: Option<&BoxPads>,
         sums: &mut Sums,
-        slabs: impl Fn(usize, [[f32; 3]; 3]) -> Slabs,
+        ends: impl Fn(usize, [[f32; 3]; 3]) -> Ends,
     ) -> Extremes {
         let children = self.children.map(|child| simd.load(&child.0));
         let all = children.iter().skip(1).fold(children[0], |least, &child| simd.min(child, least));
@@ -121,15 +141,17 @@ impl Closing<'_> {
                 }
             }
             NodeKind::Oriented => {
+                let mut of_slots = [[[0.0; 8]; 3]; 2];
                 for (i, word) in self.words.iter().enumerate() {
-                    let found = (*word != ChildWord::EMPTY).then(|| slabs(i, frame_of(rows, i)));
-                    let [lo, minus_hi] =
-                        found.map_or([[f32::INFINITY; 3]; 2], |slabs| [slabs.lo, slabs.hi.map(|x| -x)]);
-                    let [los, minus_his] = &mut planes;
-                    los.iter_mut().zip(lo).for_each(|(row, x)| row[i] = x);
-                    minus_his.iter_mut().zip(minus_hi).for_each(|(row, x)| row[i] = x);
+                    let ends = if *word == ChildWord::EMPTY { Ends::EMPTY } else { ends(i, frame_of(rows, i)) };
+                    for k in 0..3 {
+                        (of_slots[0][k][i], of_slots[1][k][i]) = (ends.lo[k], -ends.hi[k]);
+                    }
+                }
+                for k in 0..3 {
+                    (planes[0][k], planes[1][k]) = (down(&of_slots[0][k]), down(&of_slots[1][k]));
                     if pads.is_some() {
-                        write_slabs(rows, i, found.map(|slabs| (slabs, pad[i])));
+                        write_intervals(rows, k, [&planes[0][k], &planes[1][k].map(|x| -x)], &pad);
                     }
                 }
             }
@@ -159,18 +181,30 @@ fn half_areas([lo, minus_hi]: &[[[f32; 8]; 3]; 2]) -> [f64; 8] {
     areas
 }
 
-/// [`lower`](canted_trace::lanes::lower) without branches; [`NOWHERE`] where `x` is infinite, as it is in empty slots.
+/// The greatest `f32` that are at most `x`, without branches.
 #[inline(always)]
-fn lowered(x: &[f32; 8], pad: &[f64; 8]) -> [f32; 8] {
-    let mut planes = [0.0; 8];
+fn down(x: &[f64; 8]) -> [f32; 8] {
+    let mut all = [0.0; 8];
     for lane in 0..8 {
-        let exact = f64::from(x[lane]) - pad[lane];
-        let nearest = exact as f32;
+        let nearest = x[lane] as f32;
         let bits = nearest.to_bits();
         let step = if bits >> 31 == 1 { 1 } else { u32::MAX };
         let below = if nearest == 0.0 { 0x8000_0001 } else { bits.wrapping_add(step) };
-        let plane = f32::from_bits(if f64::from(nearest) > exact { below } else { bits });
-        let plane = if plane < f32::MIN { f32::MIN } else { plane };
+        all[lane] = f32::from_bits(if f64::from(nearest) > x[lane] { below } else { bits });
+    }
+    all
+}
+
+/// [`lower`](canted_trace::lanes::lower) without branches; [`NOWHERE`] where `x` is infinite, as it is in empty slots.
+#[inline(always)]
+fn lowered(x: &[f32; 8], pad: &[f64; 8]) -> [f32; 8] {
+    let mut exact = [0.0; 8];
+    for lane in 0..8 {
+        exact[lane] = f64::from(x[lane]) - pad[lane];
+    }
+    let mut planes = down(&exact);
+    for lane in 0..8 {
+        let plane = if planes[lane] < f32::MIN { f32::MIN } else { planes[lane] };
         planes[lane] = if x[lane] == f32::INFINITY { NOWHERE } else { plane };
     }
     planes

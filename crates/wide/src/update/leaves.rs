@@ -1,12 +1,14 @@
 //! Leaves before and after a motion: blocks of triangles, and primitives of the caller.
 
 use canted_lbvh::Corners;
+use canted_obb::round::{down, up};
 use canted_obb::{Aabb, PrimId, flat_as_edge};
 use canted_trace::ReferencePoint;
 
 use super::extremes::{Extremes, REACH};
-use super::points::{LANES, Points};
+use super::rotation::EdgeProducts;
 use super::subtree::{LeafSlots, LeafStates};
+use super::vertices::{LANES, Vertices};
 use crate::build::item::{self, Item};
 use crate::leaf::{Placed, Primitive};
 use crate::node::{Content, HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
@@ -24,12 +26,12 @@ pub(super) struct MovedTriangles<'a> {
 
 impl MovedTriangles<'_> {
     /// The leaves before the motion.
-    pub(super) fn before(&self, units: &[HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>) {
+    pub(super) fn before(&self, units: &[HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Vertices>) {
         self.path.run(Stored { words: bytemuck::cast_slice(units), frame: &self.frames[0], leaves, states });
     }
 
     /// The leaves after the motion, which are written.
-    pub(super) fn after(&self, units: &mut [HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>) {
+    pub(super) fn after(&self, units: &mut [HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Vertices>) {
         self.path.run(Moved { triangles: self, words: bytemuck::cast_slice_mut(units), leaves, states });
     }
 }
@@ -39,7 +41,7 @@ struct Stored<'a> {
     words: &'a [u32],
     frame: &'a MeshFrame,
     leaves: &'a [LeafSlots],
-    states: &'a mut LeafStates<Points>,
+    states: &'a mut LeafStates<Vertices>,
 }
 
 impl Task for Stored<'_> {
@@ -49,7 +51,7 @@ impl Task for Stored<'_> {
     fn on<S: Simd>(mut self, simd: S) {
         let mut batch = Batch::new();
         while batch.take(&mut self.leaves) {
-            batch.read(self.words);
+            read(&batch.blocks, self.words, &mut batch.rows);
             batch.measure(simd);
             batch.add_to(simd, self.states, self.frame);
         }
@@ -61,7 +63,7 @@ struct Moved<'a> {
     triangles: &'a MovedTriangles<'a>,
     words: &'a mut [u32],
     leaves: &'a [LeafSlots],
-    states: &'a mut LeafStates<Points>,
+    states: &'a mut LeafStates<Vertices>,
 }
 
 impl Task for Moved<'_> {
@@ -74,6 +76,9 @@ impl Task for Moved<'_> {
             batch.gather(self.words, self.triangles);
             batch.store_flat_as_edges(simd);
             batch.measure(simd);
+            if let Some(products) = &mut self.states.products {
+                batch.add_products(simd, self.words, products);
+            }
             batch.write(simd, self.words);
             batch.add_to(simd, self.states, &self.triangles.frames[1]);
         }
@@ -134,19 +139,6 @@ impl<'a> Batch<'a> {
         n_leaves > 0
     }
 
-    /// Reads the triangles as they are.
-    #[inline(always)]
-    fn read(&mut self, words: &[u32]) {
-        let mut at = 0;
-        for block in &self.blocks {
-            for (k, row) in self.rows.iter_mut().enumerate() {
-                let from = &words[block.word + k * block.width..][..block.n];
-                row[at..at + block.n].iter_mut().zip(from).for_each(|(x, &word)| *x = f32::from_bits(word));
-            }
-            at += block.n;
-        }
-    }
-
     /// Reads the triangles that leaves in these words hold, as they are now.
     #[inline(always)]
     fn gather(&mut self, words: &[u32], moved: &MovedTriangles) {
@@ -171,7 +163,7 @@ impl<'a> Batch<'a> {
     #[inline(always)]
     fn store_flat_as_edges<S: Simd>(&mut self, simd: S) {
         for first in (0..self.n).step_by(LANES) {
-            let mut may_be_flat = may_be_flat(simd, &self.eight(simd, first)) & lanes_below(self.n - first);
+            let mut may_be_flat = may_be_flat(simd, &eight(simd, &self.rows, first)) & lanes_below(self.n - first);
             while may_be_flat != 0 {
                 let at = first + may_be_flat.trailing_zeros() as usize;
                 may_be_flat &= may_be_flat - 1;
@@ -185,22 +177,12 @@ impl<'a> Batch<'a> {
         std::array::from_fn(|vertex| std::array::from_fn(|k| self.rows[3 * vertex + k][at]))
     }
 
-    /// Eight triangles, some of which may not be part of the batch.
-    #[inline(always)]
-    fn eight<S: Simd>(&self, simd: S, first: usize) -> [S::F; 9] {
-        let mut eight = [simd.splat(0.0); 9];
-        for (lanes, row) in eight.iter_mut().zip(&self.rows) {
-            *lanes = simd.load(row[first..].first_chunk().expect("batches are whole vectors"));
-        }
-        eight
-    }
-
     /// Computes boxes and areas.
     #[inline(always)]
     fn measure<S: Simd>(&mut self, simd: S) {
         let minus = |x| simd.xor_sign(x, simd.splat(-1.0));
         for first in (0..self.n).step_by(LANES) {
-            let [ax, ay, az, bx, by, bz, cx, cy, cz] = self.eight(simd, first);
+            let [ax, ay, az, bx, by, bz, cx, cy, cz] = eight(simd, &self.rows, first);
             let least = |a, b, c| simd.min(simd.min(a, b), c);
             let greatest = |a, b, c| simd.max(simd.max(a, b), c);
             let (ux, uy, uz) = (simd.sub(bx, ax), simd.sub(by, ay), simd.sub(bz, az));
@@ -222,6 +204,23 @@ impl<'a> Batch<'a> {
             for (out, lanes) in self.boxes[first..first + LANES].iter_mut().zip(boxes) {
                 out.0 = simd.store(lanes);
             }
+        }
+    }
+
+    /// Adds the products of the edges of each leaf, which these words hold as it was before the motion.
+    #[inline(always)]
+    fn add_products<S: Simd>(&self, simd: S, words: &[u32], all: &mut Vec<EdgeProducts>) {
+        let (mut before, mut products) = ([[0.0; BATCH]; 9], [EdgeProducts::ZERO; BATCH]);
+        read(&self.blocks, words, &mut before);
+        for first in (0..self.n).step_by(LANES) {
+            let of_eight =
+                EdgeProducts::of_triangles(simd, &eight(simd, &self.rows, first), &eight(simd, &before, first));
+            products[first..first + LANES].copy_from_slice(&of_eight);
+        }
+        let mut at = 0;
+        for leaf in self.leaves {
+            all.push(EdgeProducts::sum(simd, products[at..at + leaf.n].iter()));
+            at += leaf.n;
         }
     }
 
@@ -258,14 +257,10 @@ impl<'a> Batch<'a> {
 
     /// Adds the leaves to those of a piece.
     #[inline(always)]
-    fn add_to<S: Simd>(&self, simd: S, states: &mut LeafStates<Points>, frame: &MeshFrame) {
-        let first_point = states.items.as_ref().map_or(0, Points::len);
-        if let Some(points) = &mut states.items {
-            let mut at = 0;
-            for block in &self.blocks {
-                points.push_rows(&self.rows, at..at + block.n, frame.reference);
-                at += block.n;
-            }
+    fn add_to<S: Simd>(&self, simd: S, states: &mut LeafStates<Vertices>, frame: &MeshFrame) {
+        let first = states.items.as_ref().map_or(0, Vertices::n_triangles);
+        if let Some(vertices) = &mut states.items {
+            vertices.push_rows(&self.rows, self.n, frame.reference);
         }
         let reference = moves(frame.reference);
         let (mut bounds, mut at) = (simd.load(&Extremes::EMPTY.0), 0);
@@ -289,17 +284,40 @@ impl<'a> Batch<'a> {
             let reach = extremes.0.iter().enumerate().filter(|(i, _)| i % 4 != REACH);
             extremes.0[REACH] = -reach.fold(0.0, |most: f32, (_, x)| if x.abs() > most { x.abs() } else { most });
             if !frame.is_identity {
-                let points =
+                let vertices =
                     states.items.as_ref().expect("vertices are kept where the frame is not that of object space");
-                let (first, n, reach) = (first_point + 3 * at, 3 * leaf.n, extremes.reach());
-                let slabs = points.slabs(first..first + n, frame.rows, reach);
-                extremes = Extremes::new(&Aabb { min: slabs.lo, max: slabs.hi }, reach);
+                let (range, reach) = (first + at..first + at + leaf.n, extremes.reach());
+                let ends = vertices.ends(simd, range, frame.rows, reach);
+                extremes = Extremes::new(&Aabb { min: ends.lo.map(down), max: ends.hi.map(up) }, reach);
             }
             states.extremes.push(extremes);
             at += leaf.n;
         }
         states.bounds = states.bounds.union(Extremes(simd.store(bounds)).aligned());
     }
+}
+
+/// Reads the triangles of blocks in these words as they are.
+#[inline(always)]
+fn read(blocks: &[Lanes], words: &[u32], rows: &mut [[f32; BATCH]; 9]) {
+    let mut at = 0;
+    for block in blocks {
+        for (k, row) in rows.iter_mut().enumerate() {
+            let from = &words[block.word + k * block.width..][..block.n];
+            row[at..at + block.n].iter_mut().zip(from).for_each(|(x, &word)| *x = f32::from_bits(word));
+        }
+        at += block.n;
+    }
+}
+
+/// Eight triangles of a batch, some of which may not be part of it.
+#[inline(always)]
+fn eight<S: Simd>(simd: S, rows: &[[f32; BATCH]; 9], first: usize) -> [S::F; 9] {
+    let mut eight = [simd.splat(0.0); 9];
+    for (lanes, row) in eight.iter_mut().zip(rows) {
+        *lanes = simd.load(row[first..].first_chunk().expect("batches are whole vectors"));
+    }
+    eight
 }
 
 /// What is subtracted from [`Extremes`] to make them relative to a point.
@@ -440,7 +458,7 @@ mod tests {
             for (lane, triangle) in triangles.iter().enumerate().take(n) {
                 batch.rows.iter_mut().zip(triangle.as_flattened()).for_each(|(row, &x)| row[lane] = x);
             }
-            let may_be_flat = may_be_flat(Scalar, &batch.eight(Scalar, 0));
+            let may_be_flat = may_be_flat(Scalar, &eight(Scalar, &batch.rows, 0));
             batch.store_flat_as_edges(Scalar);
             for (lane, &triangle) in triangles.iter().enumerate().take(n) {
                 let want = flat_as_edge(triangle);
@@ -486,12 +504,13 @@ mod tests {
             let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
             let (positions, path) = (moved.as_flattened(), AvailablePath::detect());
             let leaves = MovedTriangles { positions, triangles: &triangles, frames: [frame; 2], path };
-            let [mut state, mut before] = [true, false].map(|keeps_items| LeafStates::new(1, keeps_items));
+            let [mut state, mut before] = [Some(n), None].map(|n_items| LeafStates::new(1, n_items, false));
             leaves.after(&mut halves, &[LeafSlots { first: 0, n }], &mut state);
             leaves.before(&halves, &[LeafSlots { first: 0, n }], &mut before);
             let taken = state.items.unwrap();
-            assert_eq!(taken.len(), 3 * n);
-            let slabs = taken.slabs(0..3 * n, Obb::IDENTITY_FRAME, f32::INFINITY);
+            assert_eq!(taken.n_triangles(), n);
+            let ends = taken.ends(Scalar, 0..n, Obb::IDENTITY_FRAME, f32::INFINITY);
+            let slabs = Slabs::from_ends(Obb::IDENTITY_FRAME, ends.lo, ends.hi);
             assert_eq!(slabs, Slabs::from_points(Obb::IDENTITY_FRAME, moved.iter().flatten().copied()));
             let bounds = Aabb::from_points(moved.iter().flatten().copied());
             for side in [state.bounds, before.bounds, state.extremes[1].aligned(), before.extremes[1].aligned()] {
@@ -545,16 +564,17 @@ mod tests {
             let (frames, path) = ([frame; 2], AvailablePath::detect());
             let moved = MovedTriangles { positions: &positions, triangles: &triangles, frames, path };
             let mut alone = halves.clone();
-            let (mut of_all, mut of_each) = (LeafStates::new(40, true), LeafStates::new(40, true));
+            let [mut of_all, mut of_each] = [(); 2].map(|()| LeafStates::new(40, Some(0), true));
             moved.after(&mut halves, &leaves, &mut of_all);
             leaves.iter().for_each(|leaf| moved.after(&mut alone, std::slice::from_ref(leaf), &mut of_each));
             assert!(bytemuck::cast_slice::<_, u32>(&halves) == bytemuck::cast_slice::<_, u32>(&alone));
             assert_eq!((&of_all.extremes, of_all.bounds), (&of_each.extremes, of_each.bounds));
-            let slabs = [of_all, of_each].map(|states| {
+            assert_eq!(of_all.products, of_each.products);
+            let ends = [of_all, of_each].map(|states| {
                 let items = states.items.unwrap();
-                items.slabs(0..items.len(), Obb::IDENTITY_FRAME, f32::INFINITY)
+                items.ends(Scalar, 0..items.n_triangles(), Obb::IDENTITY_FRAME, f32::INFINITY)
             });
-            assert_eq!(slabs[0], slabs[1]);
+            assert_eq!(ends[0], ends[1]);
             // Every triangle is where its number is.
             let words: &[u32] = bytemuck::cast_slice(&halves);
             let mut number = 0;

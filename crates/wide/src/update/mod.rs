@@ -6,14 +6,16 @@
 //! ```
 //!
 //! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
-//! the primitives now below it, in its old frame, relative to a reference point near them, and with the padding that belongs to them.
+//! the primitives now below it, relative to a reference point near them, and with the padding that belongs to them. Its frame is the old one;
+//! of oriented nodes over triangles, turned as the triangles have.
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod boxes;
 mod extremes;
 mod leaves;
-mod points;
+mod rotation;
 mod subtree;
+mod vertices;
 
 use std::fmt;
 
@@ -34,8 +36,8 @@ pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
 pub(crate) use extremes::{Sums, half_area, visit};
 pub(crate) use leaves::content_of;
 use leaves::{MovedPrimitives, MovedTriangles};
-use points::Points;
 use subtree::{After, Before, Kept, LeafSlots, LeafStates, Shared};
+use vertices::Vertices;
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
 /// to the test of an aligned node.
@@ -144,7 +146,7 @@ impl TriangleBvh {
     /// Updates the BVH to new vertices of the same triangles; object space, in the order of the build.
     ///
     /// Hits are then those of testing every new triangle, whatever the motion. What suffers is speed: which triangles share
-    /// a node, and the frames of oriented boxes, stay as built. The drift predicts by how much: `benches/TRIED.md` lists
+    /// a node stays as built, and so does the mesh frame of aligned boxes; oriented ones turn with their triangles. The drift predicts by how much: `benches/TRIED.md` lists
     /// the slowdown of deformed meshes next to their drift. Where vertices move at random the mesh itself becomes more
     /// expensive and a rebuild gains little; it is advised once, because a rebuild resets the drift. A refit takes a small
     /// part of a build's time.
@@ -170,13 +172,14 @@ impl TriangleBvh {
         let bvh = Target { nodes: &mut self.nodes, bounds: &mut self.bounds, baseline: &mut self.baseline, pads };
         let path = self.path;
         let moved = MovedTriangles { positions, triangles, frames: [old, self.frame], path };
-        let before = |units: &[HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>| {
+        let before = |units: &[HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Vertices>| {
             moved.before(units, leaves, states);
         };
-        let after = |units: &mut [HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Points>| {
+        let after = |units: &mut [HalfBlock], leaves: &[LeafSlots], states: &mut LeafStates<Vertices>| {
             moved.after(units, leaves, states);
         };
-        let refit = bvh.update(&mut self.leaves.halves, (PARTS, path), !self.frame.is_identity, &before, &after);
+        let leaves = Leaves { n_parts: PARTS, path, keeps_items: !self.frame.is_identity, turns_frames: true };
+        let refit = bvh.update(&mut self.leaves.halves, leaves, &before, &after);
         self.leaves.vertices_changed();
         Ok(refit)
     }
@@ -213,7 +216,8 @@ impl<P: Primitive> WideBvh<P> {
         let after = |units: &mut [PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
             moved.add(1, units, leaves, states);
         };
-        Ok(bvh.update(&mut self.leaves.order, (1, self.path), false, &before, &after))
+        let leaves = Leaves { n_parts: 1, path: self.path, keeps_items: false, turns_frames: false };
+        Ok(bvh.update(&mut self.leaves.order, leaves, &before, &after))
     }
 }
 
@@ -271,22 +275,40 @@ impl Task for AreFinite<'_> {
     }
 }
 
+/// How the leaves of a BVH are refitted.
+struct Leaves {
+    /// Parts of a unit.
+    n_parts: usize,
+    path: AvailablePath,
+    /// Whether leaves need items; oriented nodes always do.
+    keeps_items: bool,
+    /// Whether frames turn with what is inside.
+    turns_frames: bool,
+}
+
 impl Target<'_> {
-    /// Writes the boxes around what the leaves in `units`, of `n_parts` each, hold after the motion. Keeps items if leaves or oriented nodes
-    /// need them.
+    /// Writes the boxes around what the leaves in `units` hold after the motion.
     fn update<K: Kept, U: Send>(
         self,
         units: &mut [U],
-        (n_parts, path): (usize, AvailablePath),
-        keeps_items: bool,
+        leaves: Leaves,
         before: &Before<K, U>,
         after: &After<K, U>,
     ) -> Refit {
         let Self { nodes, bounds, baseline, pads } = self;
-        let keeps_items = nodes.has_oriented || keeps_items;
-        let measures_before = baseline.now.is_none();
+        let Leaves { n_parts, path, keeps_items, turns_frames } = leaves;
         let costs = baseline.costs;
-        let shared = Shared { before, after, path, pads: &pads, costs: &costs, n_parts, keeps_items, measures_before };
+        let shared = Shared {
+            before,
+            after,
+            path,
+            pads: &pads,
+            costs: &costs,
+            n_parts,
+            keeps_items: nodes.has_oriented || keeps_items,
+            turns_frames: nodes.has_oriented && turns_frames,
+            measures_before: baseline.now.is_none(),
+        };
         let [after, before] = subtree::update_all(nodes, units, &shared);
         let visit = visit(nodes.root, &costs);
         let sums = |state: Option<(Aabb, Sums)>| state.map_or_else(Sums::default, |(_, sums)| sums);

@@ -4,10 +4,10 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use canted_obb::Aabb;
-use canted_trace::Slabs;
 
-use super::extremes::{Closing, Extremes, Sums};
-use super::points::Points;
+use super::extremes::{Closing, Ends, Extremes, Sums};
+use super::rotation::{EdgeProducts, turn_frames};
+use super::vertices::Vertices;
 use crate::build::item::Item;
 use crate::config::Costs;
 use crate::leaf::{Placed, Primitive};
@@ -18,26 +18,33 @@ use crate::traverse::BoxPads;
 
 /// What a refit keeps of all leaves for the oriented boxes above them: primitives, or the vertices of triangles.
 pub(super) trait Kept: Default + Send + Sync {
-    /// Items of a primitive.
-    const PER_PRIMITIVE: usize;
+    /// With room for so many primitives.
+    fn with_capacity(n: usize) -> Self;
 
-    /// The box with these rows around a range, whose coordinates are at most `reach`, rounded outward.
-    fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Slabs;
+    /// The ends along these rows of a range of primitives, whose coordinates are at most `reach`.
+    fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends;
 }
 
-impl Kept for Points {
-    const PER_PRIMITIVE: usize = 3;
+impl Kept for Vertices {
+    fn with_capacity(n: usize) -> Self {
+        Self::with_capacity(n)
+    }
 
-    fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Slabs {
-        self.slabs(range, rows, reach)
+    #[inline(always)]
+    fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends {
+        self.ends(simd, range, rows, reach)
     }
 }
 
 impl<P: Primitive> Kept for Vec<Placed<'_, P>> {
-    const PER_PRIMITIVE: usize = 1;
+    fn with_capacity(n: usize) -> Self {
+        Self::with_capacity(n)
+    }
 
-    fn slabs(&self, range: Range<usize>, rows: [[f32; 3]; 3], _: f32) -> Slabs {
-        Item::slabs(&self[range], rows)
+    #[inline(always)]
+    fn ends<S: Simd>(&self, _: S, range: Range<usize>, rows: [[f32; 3]; 3], _: f32) -> Ends {
+        let slabs = Item::slabs(&self[range], rows);
+        Ends { lo: slabs.lo.map(f64::from), hi: slabs.hi.map(f64::from) }
     }
 }
 
@@ -59,6 +66,8 @@ pub(super) struct LeafStates<K> {
     pub(super) area: f64,
     /// All items relative to the reference point, where oriented boxes need them.
     pub(super) items: Option<K>,
+    /// [`EdgeProducts::ZERO`], then those of each leaf, then of each node, where frames turn with triangles.
+    pub(super) products: Option<Vec<EdgeProducts>>,
 }
 
 /// Adds leaves as they were before the motion.
@@ -78,6 +87,8 @@ pub(super) struct Shared<'a, K, U> {
     pub(super) n_parts: usize,
     /// Whether items are kept.
     pub(super) keeps_items: bool,
+    /// Whether the frames of oriented boxes turn with what is inside.
+    pub(super) turns_frames: bool,
     /// Whether the state before the motion is measured, too.
     pub(super) measures_before: bool,
 }
@@ -92,6 +103,7 @@ pub(super) struct State<K> {
     /// All items, where oriented boxes need them.
     items: K,
     n_items: usize,
+    products: EdgeProducts,
 }
 
 /// A node of the piece, and the line that it starts with, relative to the piece.
@@ -109,9 +121,10 @@ fn update<K: Kept, U>(
     shared: &Shared<K, U>,
 ) -> (State<K>, Option<State<K>>) {
     let (nodes, leaves) = content_of(piece, lines, shared.n_parts * piece.units.start);
+    let n_items = shared.keeps_items.then(|| leaves.iter().map(|leaf| leaf.n).sum());
     let mut before = None;
     if shared.measures_before {
-        let mut states = LeafStates::new(leaves.len() + nodes.len(), shared.keeps_items);
+        let mut states = LeafStates::new(leaves.len() + nodes.len(), n_items, false);
         (shared.before)(units, &leaves, &mut states);
         let n_lines = piece.lines.start;
         before = Some(shared.path.run(Close {
@@ -124,7 +137,7 @@ fn update<K: Kept, U>(
             states,
         }));
     }
-    let mut states = LeafStates::new(leaves.len() + nodes.len(), shared.keeps_items);
+    let mut states = LeafStates::new(leaves.len() + nodes.len(), n_items, shared.turns_frames);
     (shared.after)(units, &leaves, &mut states);
     let (n_lines, pads) = (piece.lines.start, Some(shared.pads));
     let after =
@@ -164,10 +177,16 @@ fn slot_of(line: usize) -> usize {
 }
 
 impl<K: Kept> LeafStates<K> {
-    pub(super) fn new(n: usize, keeps_items: bool) -> Self {
+    /// Of `n` leaves and nodes; `n_items` where items are kept.
+    pub(super) fn new(n: usize, n_items: Option<usize>, turns_frames: bool) -> Self {
         let mut extremes = Vec::with_capacity(1 + n);
         extremes.push(Extremes::EMPTY);
-        Self { extremes, bounds: Aabb::EMPTY, area: 0.0, items: keeps_items.then(K::default) }
+        let products = turns_frames.then(|| {
+            let mut products = Vec::with_capacity(1 + n);
+            products.push(EdgeProducts::ZERO);
+            products
+        });
+        Self { extremes, bounds: Aabb::EMPTY, area: 0.0, items: n_items.map(K::with_capacity), products }
     }
 }
 
@@ -189,14 +208,17 @@ impl<K: Kept> Task for Close<'_, K> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> State<K> {
         let Self { nodes, leaves, n_lines, lines, pads, costs, states } = self;
-        let LeafStates { mut extremes, bounds, area, items } = states;
+        let LeafStates { mut extremes, bounds, area, items, mut products } = states;
         let mut numbers = vec![0; lines.len().div_ceil(NodeKind::Aligned.n_lines())];
         for (i, node) in nodes.iter().enumerate() {
             numbers[slot_of(node.line as usize)] = 1 + leaves.len() + i;
         }
         extremes.resize(1 + leaves.len() + nodes.len(), Extremes::EMPTY);
+        if let Some(products) = &mut products {
+            products.resize(extremes.len(), EdgeProducts::ZERO);
+        }
         // The items of a node and of all nodes below are consecutive.
-        let mut items = items.map(|items| (items, item_ranges::<K>(leaves, extremes.len())));
+        let mut items = items.map(|items| (items, item_ranges(leaves, extremes.len())));
         let (mut sums, mut next_leaf) = (Sums { area, ..Sums::default() }, leaves.len());
         for (i, &Node { kind, line }) in nodes.iter().enumerate().rev() {
             let (words, line) = (*node_words(lines, kind, line), line as usize);
@@ -213,12 +235,26 @@ impl<K: Kept> Task for Close<'_, K> {
             }
             let number = 1 + leaves.len() + i;
             let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
+            if let Some(products) = &mut products {
+                let slots = children.map(|child| &products[child]);
+                if kind == NodeKind::Oriented {
+                    turn_frames(simd, rows, slots);
+                }
+                products[number] = EdgeProducts::sum(simd, slots.into_iter());
+            }
             let closing = Closing { kind, words: &words, children: children.map(|child| &extremes[child]), costs };
-            let node = closing.close(simd, rows, pads, &mut sums, |slot, rows| {
-                let (items, ranges) = items.as_ref().expect("oriented nodes keep what is below them");
-                let [first, end] = ranges[children[slot]];
-                items.slabs(first..end, rows, extremes[children[slot]].reach())
-            });
+            let node = closing.close(
+                simd,
+                rows,
+                pads,
+                &mut sums,
+                #[inline(always)]
+                |slot, rows| {
+                    let (items, ranges) = items.as_ref().expect("oriented nodes keep what is below them");
+                    let [first, end] = ranges[children[slot]];
+                    items.ends(simd, first..end, rows, extremes[children[slot]].reach())
+                },
+            );
             extremes[number] = node;
             if let Some((_, ranges)) = &mut items {
                 let used = || children.iter().filter(|child| **child > 0);
@@ -228,18 +264,19 @@ impl<K: Kept> Task for Close<'_, K> {
             }
         }
         let root = if nodes.is_empty() { leaves.len().min(1) } else { 1 + leaves.len() };
-        let n_items = leaves.iter().map(|leaf| K::PER_PRIMITIVE * leaf.n).sum();
+        let n_items = leaves.iter().map(|leaf| leaf.n).sum();
         let items = items.map(|(items, _)| items).unwrap_or_default();
-        State { extremes: extremes[root], bounds, sums, items, n_items }
+        let products = products.map_or(EdgeProducts::ZERO, |products| products[root]);
+        State { extremes: extremes[root], bounds, sums, items, n_items, products }
     }
 }
 
 /// The items of each leaf, from number 1 on.
-fn item_ranges<K: Kept>(leaves: &[LeafSlots], n: usize) -> Vec<[usize; 2]> {
+fn item_ranges(leaves: &[LeafSlots], n: usize) -> Vec<[usize; 2]> {
     let (mut ranges, mut end) = (vec![[0; 2]; n], 0);
     for (range, leaf) in ranges[1..].iter_mut().zip(leaves) {
         let first = end;
-        end += K::PER_PRIMITIVE * leaf.n;
+        end += leaf.n;
         *range = [first, end];
     }
     ranges
@@ -279,9 +316,9 @@ pub(super) fn update_all<K: Kept, U: Send>(
         let words = *node_words(lines, kind, 0);
         let rows: &mut [Row] = bytemuck::cast_slice_mut(lines);
         if let Some(before) = &mut before {
-            before.close(i, kind, rows, &words, (None, shared.costs));
+            before.close(i, kind, rows, &words, (None, shared));
         }
-        after.close(i, kind, rows, &words, (Some(shared.pads), shared.costs));
+        after.close(i, kind, rows, &words, (Some(shared.pads), shared));
     }
     [after.all(), before.and_then(Sequence::all)]
 }
@@ -303,28 +340,34 @@ impl<K: Kept> Sequence<K> {
     }
 
     /// Adds a node above other pieces. Writes its boxes if pads are given.
-    fn close(
+    fn close<U>(
         &mut self,
         i: usize,
         kind: NodeKind,
         rows: &mut [Row],
         words: &[ChildWord; 8],
-        (pads, costs): (Option<&BoxPads>, &Costs),
+        (pads, shared): (Option<&BoxPads>, &Shared<K, U>),
     ) {
         let pieces = words.map(|word| self.by_word.get(&word.0).copied());
         let known = |piece: usize| self.states[piece].as_ref().expect("pieces below are known");
         let children = pieces.map(|piece| piece.map_or(&Extremes::EMPTY, |piece| &known(piece).extremes));
+        let slots = pieces.map(|piece| piece.map_or(&EdgeProducts::ZERO, |piece| &known(piece).products));
+        if kind == NodeKind::Oriented && pads.is_some() && shared.turns_frames {
+            turn_frames(Scalar, rows, slots);
+        }
+        let products = EdgeProducts::sum(Scalar, slots.into_iter());
         let mut sums = Sums::default();
-        let extremes = Closing { kind, words, children, costs }.close(Scalar, rows, pads, &mut sums, |slot, rows| {
+        let closing = Closing { kind, words, children, costs: shared.costs };
+        let extremes = closing.close(Scalar, rows, pads, &mut sums, |slot, rows| {
             let first = pieces[slot].expect("a box around something");
             let below: Vec<_> = self.states[first..self.ends[first]].iter().flatten().collect();
-            let boxes = par::map(&below, 1, |state| state.items.slabs(0..state.n_items, rows, state.extremes.reach()));
-            joined(rows, boxes)
+            let ends = par::map(&below, 1, |state| shared.path.run(EndsOf { state, rows }));
+            ends.into_iter().fold(Ends::EMPTY, Ends::union)
         });
         let below = pieces.into_iter().flatten();
         let bounds = below.clone().fold(Aabb::EMPTY, |all, piece| all.union(known(piece).bounds));
         self.ends[i] = below.map(|piece| self.ends[piece]).max().unwrap_or(i + 1);
-        self.states[i] = Some(State { extremes, bounds, sums, items: K::default(), n_items: 0 });
+        self.states[i] = Some(State { extremes, bounds, sums, items: K::default(), n_items: 0, products });
     }
 
     /// The bounds of the whole BVH, and its sums: the first piece holds all others.
@@ -336,14 +379,18 @@ impl<K: Kept> Sequence<K> {
     }
 }
 
-/// The box around several with the same rows; boxes around nothing are empty.
-fn joined(rows: [[f32; 3]; 3], all: Vec<Slabs>) -> Slabs {
-    let mut around = Slabs { rows, lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
-    for slabs in all {
-        for k in 0..3 {
-            around.lo[k] = around.lo[k].min(slabs.lo[k]);
-            around.hi[k] = around.hi[k].max(slabs.hi[k]);
-        }
+/// The ends of all items of a piece along these rows.
+struct EndsOf<'a, K> {
+    state: &'a State<K>,
+    rows: [[f32; 3]; 3],
+}
+
+impl<K: Kept> Task for EndsOf<'_, K> {
+    type Output = Ends;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Ends {
+        let State { items, n_items, extremes, .. } = self.state;
+        items.ends(simd, 0..*n_items, self.rows, extremes.reach())
     }
-    around
 }

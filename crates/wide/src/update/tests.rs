@@ -120,7 +120,7 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     let leaves: Vec<_> =
         hierarchy.leaves.iter().map(|leaf| LeafSlots { first: leaf.first, n: leaf.places.len() }).collect();
     let moved = MovedTriangles { positions: &moved, triangles, frames, path };
-    moved.after(&mut bvh.leaves.halves, &leaves, &mut LeafStates::new(leaves.len(), true));
+    moved.after(&mut bvh.leaves.halves, &leaves, &mut LeafStates::new(leaves.len(), Some(0), false));
     assert!(n_too_small(&bvh) > 10);
 }
 

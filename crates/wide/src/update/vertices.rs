@@ -1,0 +1,271 @@
+//! Vertices that a refit keeps for the oriented boxes above them, and the ends of any range of them along any rows, with the bits of
+//! [`Slabs::from_points`]: few in double precision at once; of many, single precision finds those that can be extreme, and double precision
+//! decides.
+
+use std::ops::Range;
+
+use canted_trace::{ReferencePoint, Slabs};
+
+use super::extremes::Ends;
+use crate::simd::Simd;
+
+/// Triangles of a vector.
+pub(super) const LANES: usize = 8;
+
+/// Vertices of triangles relative to the reference point of a BVH: the coordinates of the first ones, of the second and of the third.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Vertices {
+    rows: [Vec<f32>; 9],
+}
+
+/// Up to here no projection overflows.
+const MAX_REACH: f32 = 1e37;
+
+/// A projection in `f32` differs from its [`Slabs::ends`] by less than this times the greatest coordinate. With u = 2^-24: three products and
+/// two sums lose at most 3 u of the sum of the absolute terms, which is at most √3 times that coordinate for rows of length 1 + 4 u; that is
+/// 5.2 u. The rest, 2.8 u, covers second-order terms, the width between the ends and the rounding of thresholds.
+const ERROR: f32 = 8.0 / (1 << 24) as f32;
+
+/// Three products below 2^-126 lose less than this.
+const TINY_ERROR: f32 = 1.0 / (1_u128 << 120) as f32;
+
+/// Most triangles that double precision projects at once: in leaves, where many vertices are of the same corners, most can be extreme.
+const FEW: usize = 16;
+
+impl Vertices {
+    /// Makes room for the vertices of so many triangles.
+    pub(super) fn with_capacity(n: usize) -> Self {
+        Self { rows: std::array::from_fn(|_| Vec::with_capacity(n)) }
+    }
+
+    pub(super) fn n_triangles(&self) -> usize {
+        self.rows[0].len()
+    }
+
+    /// Adds the vertices of the first `n` triangles, whose coordinates are in nine rows, relative to this point.
+    #[inline(always)]
+    pub(super) fn push_rows<const N: usize>(&mut self, rows: &[[f32; N]; 9], n: usize, reference: ReferencePoint) {
+        let from = reference.point();
+        for (i, (all, row)) in self.rows.iter_mut().zip(rows).enumerate() {
+            all.extend(row[..n].iter().map(|x| x - from[i % 3]));
+        }
+    }
+
+    /// The ends along these rows of a range of triangles, whose coordinates are at most `reach`.
+    #[inline(always)]
+    pub(super) fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends {
+        if range.len() <= FEW {
+            return self.ends_of_few(simd, range, rows);
+        }
+        // NaN, too, is not below.
+        let error = if reach < MAX_REACH { ERROR * reach + TINY_ERROR } else { f32::INFINITY };
+        self.ends_within(simd, range, rows, error)
+    }
+
+    /// The same, in double precision.
+    #[inline(always)]
+    fn ends_of_few<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3]) -> Ends {
+        let wide_rows = wide(rows);
+        let (mut lo, mut hi) = ([[f64::MAX; LANES]; 3], [[f64::MIN; LANES]; 3]);
+        let mut first = range.start;
+        while first < range.end {
+            for corner in 0..3 {
+                let points = self.eight(simd, corner, first, &range);
+                let (x, y, z) = (simd.store(points[0]), simd.store(points[1]), simd.store(points[2]));
+                for k in 0..3 {
+                    for lane in 0..LANES {
+                        let point = [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])];
+                        let [below, above] = Slabs::ends(wide_rows[k], point);
+                        lo[k][lane] = if below < lo[k][lane] { below } else { lo[k][lane] };
+                        hi[k][lane] = if above > hi[k][lane] { above } else { hi[k][lane] };
+                    }
+                }
+            }
+            first += LANES;
+        }
+        let mut ends = Ends::EMPTY;
+        for k in 0..3 {
+            (ends.lo[k], ends.hi[k]) = (least_of(lo[k]), greatest_of(hi[k]));
+        }
+        ends
+    }
+
+    /// The same, where projections in `f32` are off by less than `error`.
+    #[inline(always)]
+    fn ends_within<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], error: f32) -> Ends {
+        let axes = [row_in_lanes(simd, rows[0]), row_in_lanes(simd, rows[1]), row_in_lanes(simd, rows[2])];
+        let mut least = [simd.splat(f32::INFINITY); 3];
+        let mut greatest = [simd.splat(f32::NEG_INFINITY); 3];
+        for first in range.clone().step_by(LANES) {
+            for corner in 0..3 {
+                let points = self.eight(simd, corner, first, &range);
+                for k in 0..3 {
+                    let x = along(simd, &axes[k], points);
+                    (least[k], greatest[k]) = (simd.min(least[k], x), simd.max(greatest[k], x));
+                }
+            }
+        }
+        // Infinite where nothing is known, and then every point is a candidate.
+        let (mut low, mut high, wide_rows) = (least, greatest, wide(rows));
+        for k in 0..3 {
+            low[k] = simd.splat(least_of(simd.store(least[k])) + 2.0 * error);
+            high[k] = simd.splat(greatest_of(simd.store(greatest[k])) - 2.0 * error);
+        }
+        let mut ends = Ends::EMPTY;
+        for first in range.clone().step_by(LANES) {
+            for corner in 0..3 {
+                let points = self.eight(simd, corner, first, &range);
+                for k in 0..3 {
+                    let x = along(simd, &axes[k], points);
+                    // A NaN is not inside.
+                    let mut lanes = 0xff ^ (simd.lt(low[k], x) & simd.lt(x, high[k]));
+                    if lanes != 0 {
+                        let [x, y, z] = [simd.store(points[0]), simd.store(points[1]), simd.store(points[2])];
+                        while lanes != 0 {
+                            let lane = lanes.trailing_zeros() as usize;
+                            lanes &= lanes - 1;
+                            let point = [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])];
+                            let [below, above] = Slabs::ends(wide_rows[k], point);
+                            ends.lo[k] = if below < ends.lo[k] { below } else { ends.lo[k] };
+                            ends.hi[k] = if above > ends.hi[k] { above } else { ends.hi[k] };
+                        }
+                    }
+                }
+            }
+        }
+        ends
+    }
+
+    /// A corner of eight triangles by coordinate: those from `first` on, the last eight of the range where fewer are left, and some repeated
+    /// where it has fewer at all.
+    #[inline(always)]
+    fn eight<S: Simd>(&self, simd: S, corner: usize, first: usize, range: &Range<usize>) -> [S::F; 3] {
+        let mut lanes = [simd.splat(0.0); 3];
+        for (lanes, row) in lanes.iter_mut().zip(&self.rows[3 * corner..3 * corner + 3]) {
+            *lanes = eight(simd, &row[range.clone()], first - range.start);
+        }
+        lanes
+    }
+}
+
+#[inline(always)]
+fn eight<S: Simd>(simd: S, all: &[f32], first: usize) -> S::F {
+    if let Some(last) = all.len().checked_sub(LANES) {
+        let lanes = &all[first.min(last)..][..LANES];
+        return simd.load(lanes.try_into().expect("eight"));
+    }
+    let mut lanes = [all[0]; LANES];
+    lanes[..all.len()].copy_from_slice(all);
+    simd.load(&lanes)
+}
+
+#[inline(always)]
+fn row_in_lanes<S: Simd>(simd: S, row: [f32; 3]) -> [S::F; 3] {
+    [simd.splat(row[0]), simd.splat(row[1]), simd.splat(row[2])]
+}
+
+/// Eight points along a row.
+#[inline(always)]
+fn along<S: Simd>(simd: S, row: &[S::F; 3], [x, y, z]: [S::F; 3]) -> S::F {
+    simd.mul_add(row[2], z, simd.mul_add(row[1], y, simd.mul(row[0], x)))
+}
+
+#[inline(always)]
+fn wide(rows: [[f32; 3]; 3]) -> [[f64; 3]; 3] {
+    let mut wide = [[0.0; 3]; 3];
+    for k in 0..3 {
+        wide[k] = [f64::from(rows[k][0]), f64::from(rows[k][1]), f64::from(rows[k][2])];
+    }
+    wide
+}
+
+/// The least of eight numbers, the halves at once.
+#[inline(always)]
+fn least_of<T: Copy + PartialOrd>(x: [T; LANES]) -> T {
+    let least = |a: T, b: T| if a < b { a } else { b };
+    let four = [least(x[0], x[4]), least(x[1], x[5]), least(x[2], x[6]), least(x[3], x[7])];
+    least(least(four[0], four[2]), least(four[1], four[3]))
+}
+
+/// The greatest of eight numbers, likewise.
+#[inline(always)]
+fn greatest_of<T: Copy + PartialOrd>(x: [T; LANES]) -> T {
+    let greatest = |a: T, b: T| if a > b { a } else { b };
+    let four = [greatest(x[0], x[4]), greatest(x[1], x[5]), greatest(x[2], x[6]), greatest(x[3], x[7])];
+    greatest(greatest(four[0], four[2]), greatest(four[1], four[3]))
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_obb::Obb;
+
+    use super::*;
+    use crate::SimdPath;
+    use crate::simd::{AvailablePath, Task};
+
+    /// Triangles of any kind, and the greatest coordinate.
+    fn cloud(rng: &mut SplitMix64, round: usize) -> (Vec<[[f32; 3]; 3]>, f32) {
+        let scale: f64 = [1.0, 1e-6, 1e7, 1e-30, 1e-42, 1e36, 3e38][round % 7];
+        let offset = [0.0, 1.0, 1e7][round / 7 % 3] * scale.min(1e20);
+        let kind = round / 21 % 6;
+        let mut coordinate = |i: usize| match if kind == 5 { i % 5 } else { kind } {
+            0 => (offset + scale * rng.signed()) as f32,
+            1 => offset as f32,
+            2 => -0.0,
+            // Many equal projections.
+            3 => (offset + scale * rng.signed().round()) as f32,
+            _ => (offset + scale * f64::from(f32::EPSILON) * rng.signed()) as f32,
+        };
+        let mut point = |i: usize| [0, 1, 2].map(|axis| coordinate(3 * i + axis));
+        let triangles: Vec<_> = (0..1 + round % 41).map(|i| [0, 1, 2].map(|corner| point(3 * i + corner))).collect();
+        let reach = triangles.as_flattened().as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        (triangles, reach)
+    }
+
+    /// The ends of a range on a path: as a refit asks for them, or within an error.
+    struct EndsOf<'a>(&'a Vertices, Range<usize>, [[f32; 3]; 3], Result<f32, f32>);
+
+    impl Task for EndsOf<'_> {
+        type Output = Ends;
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> Ends {
+            let Self(vertices, range, rows, error) = self;
+            match error {
+                Ok(reach) => vertices.ends(simd, range, rows, reach),
+                Err(error) => vertices.ends_within(simd, range, rows, error),
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_are_those_of_all_points_on_every_path() {
+        let mut rng = SplitMix64::new(7);
+        let mut n_wrong_without_error = 0;
+        for round in 0..10_000 {
+            let (cloud, reach) = cloud(&mut rng, round);
+            let random = canted_obb::frame::orthonormal(rng.signed3(), rng.signed3());
+            let rows = if round % 7 == 0 { Obb::IDENTITY_FRAME } else { random };
+            let by_row = |i: usize| cloud.iter().map(|triangle| triangle.as_flattened()[i]).collect();
+            let vertices = Vertices { rows: std::array::from_fn(by_row) };
+            let range = round % 3 * cloud.len() / 8..cloud.len() - round % 2 * cloud.len() / 3;
+            let want = Slabs::from_points(rows, cloud[range.clone()].as_flattened().iter().copied());
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let found = |error| {
+                    let ends = path.available().run(EndsOf(&vertices, range.clone(), rows, error));
+                    Slabs::from_ends(rows, ends.lo, ends.hi)
+                };
+                for reach in [reach, f32::INFINITY] {
+                    assert_eq!(found(Ok(reach)), want, "{round} {path:?}");
+                }
+                if reach < MAX_REACH {
+                    assert_eq!(found(Err(ERROR * reach + TINY_ERROR)), want, "{round} {path:?}");
+                }
+            }
+            let without = AvailablePath::detect().run(EndsOf(&vertices, range, rows, Err(0.0)));
+            n_wrong_without_error += usize::from(Slabs::from_ends(rows, without.lo, without.hi) != want);
+        }
+        assert!(n_wrong_without_error > 20, "{n_wrong_without_error} boxes are wrong without the bound");
+    }
+}
