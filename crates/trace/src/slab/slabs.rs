@@ -19,8 +19,9 @@ pub struct Slabs {
     pub hi: [f32; 3],
 }
 
-/// Rounding of a projected point: two sums and the outward step, of exact products; doubled for second-order terms.
-const POINT_ERROR: f64 = 6.0 * UNIT_ROUNDOFF_F64;
+/// Rounding of a projected point relative to the greatest coordinate: two sums and the outward step of exact products, whose absolute values
+/// sum up to at most √3 times that coordinate; 5.2 roundings, doubled for second-order terms.
+const POINT_ERROR: f64 = 12.0 * UNIT_ROUNDOFF_F64;
 
 /// Rounding of a projected box: five roundings reach a term of the radius, two more the ends; doubled likewise.
 const BOX_ERROR: f64 = 14.0 * UNIT_ROUNDOFF_F64;
@@ -66,36 +67,37 @@ impl Slabs {
     /// Each row must have a length of at most 1 + 4u, as a unit vector has after rounding.
     #[must_use]
     pub fn from_points(rows: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Self {
-        let [u, v, w] = rows.map(to_f64);
-        let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
+        let wide = rows.map(to_f64);
+        let (mut lo, mut hi, mut reach) = ([f64::MAX; 3], [f64::MIN; 3], 0.0);
         for point in points {
             let point = to_f64(point);
-            for (k, row) in [u, v, w].into_iter().enumerate() {
-                let [least, greatest] = Self::ends(row, point);
-                lo[k] = if least < lo[k] { least } else { lo[k] };
-                hi[k] = if greatest > hi[k] { greatest } else { hi[k] };
+            for k in 0..3 {
+                let (x, size) = (Self::projection(wide[k], point), point[k].abs());
+                lo[k] = if x < lo[k] { x } else { lo[k] };
+                hi[k] = if x > hi[k] { x } else { hi[k] };
+                reach = if size > reach { size } else { reach };
             }
         }
-        Self::from_ends(rows, lo, hi)
+        let [lo, hi] = Self::ends(lo, hi, reach);
+        if lo[0] > hi[0] { Self::empty(rows) } else { Self { rows, lo: lo.map(down), hi: hi.map(up) } }
     }
 
-    /// The ends between which the projection of a point along a row is, both with coordinates of `f32`.
+    /// The projection of a point along a row but for roundings, both with coordinates of `f32`; of each, [`Slabs::ends`] includes them.
     #[inline(always)]
     #[must_use]
-    pub fn ends(row: [f64; 3], point: [f64; 3]) -> [f64; 2] {
-        // Products of two f32 are exact, and so are their absolute values.
-        let [x, y, z] = [row[0] * point[0], row[1] * point[1], row[2] * point[2]];
-        let (projection, error) = ((x + y) + z, POINT_ERROR * ((x.abs() + y.abs()) + z.abs()));
-        [projection - error, projection + error]
+    pub fn projection(row: [f64; 3], point: [f64; 3]) -> f64 {
+        // Products of two f32 are exact.
+        (row[0] * point[0] + row[1] * point[1]) + row[2] * point[2]
     }
 
-    /// The box between these [`Slabs::ends`], rounded outward; empty where a least one is greater than a greatest one.
+    /// The ends of a box from the least and the greatest [`Slabs::projection`] along each row, of points whose coordinates are at most `reach`.
+    #[inline(always)]
     #[must_use]
-    pub fn from_ends(rows: [[f32; 3]; 3], lo: [f64; 3], hi: [f64; 3]) -> Self {
-        if (0..3).any(|k| lo[k] > hi[k]) {
-            return Self::empty(rows);
+    pub fn ends(mut lo: [f64; 3], mut hi: [f64; 3], reach: f64) -> [[f64; 3]; 2] {
+        for k in 0..3 {
+            (lo[k], hi[k]) = (lo[k] - POINT_ERROR * reach, hi[k] + POINT_ERROR * reach);
         }
-        Self { rows, lo: lo.map(down), hi: hi.map(up) }
+        [lo, hi]
     }
 
     /// The box enlarged by the part of the padding that depends on its content, for [`SlabRay::new`](crate::SlabRay::new)

@@ -123,7 +123,8 @@ pub(crate) fn write_intervals(rows: &mut [Row], k: usize, [lo, hi]: [&[f32; 8]; 
 fn center_and_half(lo: f32, hi: f32, pad: f64) -> (f32, f32) {
     let (least, greatest) = (|a, b| if a < b { a } else { b }, |a, b| if a > b { a } else { b });
     // Projections of coordinates near the end of the range may exceed it; no box holds an infinity or NaN.
-    let (lo, hi) = (f64::from(least(greatest(lo, f32::MIN), f32::MAX)), f64::from(least(greatest(hi, f32::MIN), f32::MAX)));
+    let (lo, hi) =
+        (f64::from(least(greatest(lo, f32::MIN), f32::MAX)), f64::from(least(greatest(hi, f32::MIN), f32::MAX)));
     let center = (0.5 * (lo + hi)) as f32;
     let (above, below) = (hi - f64::from(center), f64::from(center) - lo);
     // Differences of f32 are exact in f64 except for a last bit, which the step upward covers (of a number that is not negative); the proof of

@@ -78,7 +78,7 @@ impl Extremes {
     }
 }
 
-/// The least and greatest [`Slabs::ends`](canted_trace::Slabs::ends) of a leaf or a node along three rows.
+/// The [`Slabs::ends`](canted_trace::Slabs::ends) of the box around a leaf or a node along three rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ends {
     pub(super) lo: [f64; 3],

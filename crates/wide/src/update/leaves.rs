@@ -106,12 +106,16 @@ struct Batch<'a> {
     rows: [[f32; BATCH]; 9],
     /// Of each triangle as given; in the last place twice its area.
     boxes: [Extremes; BATCH],
+    /// Coordinates before the motion, and the products of edges of each triangle, where they are asked for.
+    before: [[f32; BATCH]; 9],
+    products: [EdgeProducts; BATCH],
 }
 
 impl<'a> Batch<'a> {
     fn new() -> Self {
         let (triangles, rows, boxes) = ([[0; 3]; BATCH], [[0.0; BATCH]; 9], [Extremes::EMPTY; BATCH]);
-        Self { leaves: &[], blocks: Vec::with_capacity(BATCH), n: 0, triangles, rows, boxes }
+        let (blocks, products) = (Vec::with_capacity(BATCH), [EdgeProducts::ZERO; BATCH]);
+        Self { leaves: &[], blocks, n: 0, triangles, rows, boxes, before: rows, products }
     }
 
     /// Takes the next leaves; false where there are none.
@@ -209,17 +213,15 @@ impl<'a> Batch<'a> {
 
     /// Adds the products of the edges of each leaf, which these words hold as it was before the motion.
     #[inline(always)]
-    fn add_products<S: Simd>(&self, simd: S, words: &[u32], all: &mut Vec<EdgeProducts>) {
-        let (mut before, mut products) = ([[0.0; BATCH]; 9], [EdgeProducts::ZERO; BATCH]);
-        read(&self.blocks, words, &mut before);
+    fn add_products<S: Simd>(&mut self, simd: S, words: &[u32], all: &mut Vec<EdgeProducts>) {
+        read(&self.blocks, words, &mut self.before);
         for first in (0..self.n).step_by(LANES) {
-            let of_eight =
-                EdgeProducts::of_triangles(simd, &eight(simd, &self.rows, first), &eight(simd, &before, first));
-            products[first..first + LANES].copy_from_slice(&of_eight);
+            let (after, before) = (eight(simd, &self.rows, first), eight(simd, &self.before, first));
+            EdgeProducts::of_triangles(simd, &after, &before, &mut self.products[first..first + LANES]);
         }
         let mut at = 0;
         for leaf in self.leaves {
-            all.push(EdgeProducts::sum(simd, products[at..at + leaf.n].iter()));
+            all.push(EdgeProducts::sum(simd, self.products[at..at + leaf.n].iter()));
             at += leaf.n;
         }
     }
@@ -509,10 +511,10 @@ mod tests {
             leaves.before(&halves, &[LeafSlots { first: 0, n }], &mut before);
             let taken = state.items.unwrap();
             assert_eq!(taken.n_triangles(), n);
-            let ends = taken.ends(Scalar, 0..n, Obb::IDENTITY_FRAME, f32::INFINITY);
-            let slabs = Slabs::from_ends(Obb::IDENTITY_FRAME, ends.lo, ends.hi);
-            assert_eq!(slabs, Slabs::from_points(Obb::IDENTITY_FRAME, moved.iter().flatten().copied()));
             let bounds = Aabb::from_points(moved.iter().flatten().copied());
+            let ends = taken.ends(Scalar, 0..n, Obb::IDENTITY_FRAME, bounds.reach());
+            let slabs = Slabs { rows: Obb::IDENTITY_FRAME, lo: ends.lo.map(down), hi: ends.hi.map(up) };
+            assert_eq!(slabs, Slabs::from_points(Obb::IDENTITY_FRAME, moved.iter().flatten().copied()));
             for side in [state.bounds, before.bounds, state.extremes[1].aligned(), before.extremes[1].aligned()] {
                 assert_eq!(side, bounds);
             }
@@ -572,7 +574,7 @@ mod tests {
             assert_eq!(of_all.products, of_each.products);
             let ends = [of_all, of_each].map(|states| {
                 let items = states.items.unwrap();
-                items.ends(Scalar, 0..items.n_triangles(), Obb::IDENTITY_FRAME, f32::INFINITY)
+                items.ends(Scalar, 0..items.n_triangles(), Obb::IDENTITY_FRAME, 1.0)
             });
             assert_eq!(ends[0], ends[1]);
             // Every triangle is where its number is.

@@ -21,9 +21,9 @@ pub(super) struct EdgeProducts {
 impl EdgeProducts {
     pub(super) const ZERO: Self = Self { first: [0.0; 8], last: 0.0 };
 
-    /// Of eight triangles, by their coordinates after and before the motion.
+    /// Writes those of eight triangles, by their coordinates after and before the motion.
     #[inline(always)]
-    pub(super) fn of_triangles<S: Simd>(simd: S, after: &[S::F; 9], before: &[S::F; 9]) -> [Self; 8] {
+    pub(super) fn of_triangles<S: Simd>(simd: S, after: &[S::F; 9], before: &[S::F; 9], all: &mut [Self]) {
         let mut products = [simd.splat(0.0); 9];
         for corner in 1..3 {
             let (mut to, mut from) = ([simd.splat(0.0); 3], [simd.splat(0.0); 3]);
@@ -40,11 +40,9 @@ impl EdgeProducts {
         }
         let [a, b, c, d, e, f, g, h, last] = products;
         let (first, last) = (simd.transpose([a, b, c, d, e, f, g, h]), simd.store(last));
-        let mut all = [Self::ZERO; 8];
-        for lane in 0..8 {
-            all[lane] = Self { first: simd.store(first[lane]), last: last[lane] };
+        for ((one, first), last) in all.iter_mut().zip(first).zip(last) {
+            *one = Self { first: simd.store(first), last };
         }
-        all
     }
 
     /// Together.
@@ -251,7 +249,8 @@ mod tests {
 
     fn products(before: &[[f32; 9]; 8], after: &[[f32; 9]; 8]) -> EdgeProducts {
         let rows = |all: &[[f32; 9]; 8]| std::array::from_fn(|i| std::array::from_fn(|lane| all[lane][i]));
-        let all = EdgeProducts::of_triangles(Scalar, &rows(after), &rows(before));
+        let mut all = [EdgeProducts::ZERO; 8];
+        EdgeProducts::of_triangles(Scalar, &rows(after), &rows(before), &mut all);
         EdgeProducts::sum(Scalar, all.iter())
     }
 

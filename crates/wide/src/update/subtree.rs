@@ -21,7 +21,7 @@ pub(super) trait Kept: Default + Send + Sync {
     /// With room for so many primitives.
     fn with_capacity(n: usize) -> Self;
 
-    /// The ends along these rows of a range of primitives, whose coordinates are at most `reach`.
+    /// The ends along these rows of a range of primitives, where the coordinates of all that is in the box are at most `reach`.
     fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends;
 }
 
@@ -361,7 +361,8 @@ impl<K: Kept> Sequence<K> {
         let extremes = closing.close(Scalar, rows, pads, &mut sums, |slot, rows| {
             let first = pieces[slot].expect("a box around something");
             let below: Vec<_> = self.states[first..self.ends[first]].iter().flatten().collect();
-            let ends = par::map(&below, 1, |state| shared.path.run(EndsOf { state, rows }));
+            let reach = children[slot].reach();
+            let ends = par::map(&below, 1, |state| shared.path.run(EndsOf { state, rows, reach }));
             ends.into_iter().fold(Ends::EMPTY, Ends::union)
         });
         let below = pieces.into_iter().flatten();
@@ -379,10 +380,11 @@ impl<K: Kept> Sequence<K> {
     }
 }
 
-/// The ends of all items of a piece along these rows.
+/// The ends of all items of a piece along these rows, in a box whose content reaches so far.
 struct EndsOf<'a, K> {
     state: &'a State<K>,
     rows: [[f32; 3]; 3],
+    reach: f32,
 }
 
 impl<K: Kept> Task for EndsOf<'_, K> {
@@ -390,7 +392,6 @@ impl<K: Kept> Task for EndsOf<'_, K> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Ends {
-        let State { items, n_items, extremes, .. } = self.state;
-        items.ends(simd, 0..*n_items, self.rows, extremes.reach())
+        self.state.items.ends(simd, 0..self.state.n_items, self.rows, self.reach)
     }
 }

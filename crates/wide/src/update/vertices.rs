@@ -21,16 +21,16 @@ pub(super) struct Vertices {
 /// Up to here no projection overflows.
 const MAX_REACH: f32 = 1e37;
 
-/// A projection in `f32` differs from its [`Slabs::ends`] by less than this times the greatest coordinate. With u = 2^-24: three products and
-/// two sums lose at most 3 u of the sum of the absolute terms, which is at most √3 times that coordinate for rows of length 1 + 4 u; that is
-/// 5.2 u. The rest, 2.8 u, covers second-order terms, the width between the ends and the rounding of thresholds.
+/// A projection in `f32` differs from its [`Slabs::projection`] by less than this times the greatest coordinate. With u = 2^-24: three
+/// products and two sums lose at most 3 u of the sum of the absolute terms, which is at most √3 times that coordinate for rows of length
+/// 1 + 4 u; that is 5.2 u. The rest, 2.8 u, covers second-order terms, roundings in `f64` and those of thresholds.
 const ERROR: f32 = 8.0 / (1 << 24) as f32;
 
 /// Three products below 2^-126 lose less than this.
 const TINY_ERROR: f32 = 1.0 / (1_u128 << 120) as f32;
 
 /// Most triangles that double precision projects at once: in leaves, where many vertices are of the same corners, most can be extreme.
-const FEW: usize = 16;
+const FEW: usize = 48;
 
 impl Vertices {
     /// Makes room for the vertices of so many triangles.
@@ -54,45 +54,49 @@ impl Vertices {
     /// The ends along these rows of a range of triangles, whose coordinates are at most `reach`.
     #[inline(always)]
     pub(super) fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends {
-        if range.len() <= FEW {
-            return self.ends_of_few(simd, range, rows);
-        }
-        // NaN, too, is not below.
-        let error = if reach < MAX_REACH { ERROR * reach + TINY_ERROR } else { f32::INFINITY };
-        self.ends_within(simd, range, rows, error)
+        let [lo, hi] = if range.len() <= FEW {
+            self.projections(simd, range, rows)
+        } else {
+            // NaN, too, is not below.
+            let error = if reach < MAX_REACH { ERROR * reach + TINY_ERROR } else { f32::INFINITY };
+            self.projections_within(simd, range, rows, error)
+        };
+        let [lo, hi] = Slabs::ends(lo, hi, f64::from(reach));
+        Ends { lo, hi }
     }
 
-    /// The same, in double precision.
+    /// The least and the greatest projections, in double precision.
     #[inline(always)]
-    fn ends_of_few<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3]) -> Ends {
+    fn projections<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3]) -> [[f64; 3]; 2] {
         let wide_rows = wide(rows);
         let (mut lo, mut hi) = ([[f64::MAX; LANES]; 3], [[f64::MIN; LANES]; 3]);
         let mut first = range.start;
         while first < range.end {
             for corner in 0..3 {
                 let points = self.eight(simd, corner, first, &range);
-                let (x, y, z) = (simd.store(points[0]), simd.store(points[1]), simd.store(points[2]));
-                for k in 0..3 {
-                    for lane in 0..LANES {
-                        let point = [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])];
-                        let [below, above] = Slabs::ends(wide_rows[k], point);
-                        lo[k][lane] = if below < lo[k][lane] { below } else { lo[k][lane] };
-                        hi[k][lane] = if above > hi[k][lane] { above } else { hi[k][lane] };
-                    }
-                }
+                let points = [simd.store(points[0]), simd.store(points[1]), simd.store(points[2])];
+                // A loop over the rows would be what the compiler makes vectors of.
+                widen(&mut lo[0], &mut hi[0], wide_rows[0], &points);
+                widen(&mut lo[1], &mut hi[1], wide_rows[1], &points);
+                widen(&mut lo[2], &mut hi[2], wide_rows[2], &points);
             }
             first += LANES;
         }
-        let mut ends = Ends::EMPTY;
-        for k in 0..3 {
-            (ends.lo[k], ends.hi[k]) = (least_of(lo[k]), greatest_of(hi[k]));
-        }
-        ends
+        [
+            [least_of(lo[0]), least_of(lo[1]), least_of(lo[2])],
+            [greatest_of(hi[0]), greatest_of(hi[1]), greatest_of(hi[2])],
+        ]
     }
 
     /// The same, where projections in `f32` are off by less than `error`.
     #[inline(always)]
-    fn ends_within<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], error: f32) -> Ends {
+    fn projections_within<S: Simd>(
+        &self,
+        simd: S,
+        range: Range<usize>,
+        rows: [[f32; 3]; 3],
+        error: f32,
+    ) -> [[f64; 3]; 2] {
         let axes = [row_in_lanes(simd, rows[0]), row_in_lanes(simd, rows[1]), row_in_lanes(simd, rows[2])];
         let mut least = [simd.splat(f32::INFINITY); 3];
         let mut greatest = [simd.splat(f32::NEG_INFINITY); 3];
@@ -111,7 +115,7 @@ impl Vertices {
             low[k] = simd.splat(least_of(simd.store(least[k])) + 2.0 * error);
             high[k] = simd.splat(greatest_of(simd.store(greatest[k])) - 2.0 * error);
         }
-        let mut ends = Ends::EMPTY;
+        let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
         for first in range.clone().step_by(LANES) {
             for corner in 0..3 {
                 let points = self.eight(simd, corner, first, &range);
@@ -125,15 +129,15 @@ impl Vertices {
                             let lane = lanes.trailing_zeros() as usize;
                             lanes &= lanes - 1;
                             let point = [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])];
-                            let [below, above] = Slabs::ends(wide_rows[k], point);
-                            ends.lo[k] = if below < ends.lo[k] { below } else { ends.lo[k] };
-                            ends.hi[k] = if above > ends.hi[k] { above } else { ends.hi[k] };
+                            let x = Slabs::projection(wide_rows[k], point);
+                            lo[k] = if x < lo[k] { x } else { lo[k] };
+                            hi[k] = if x > hi[k] { x } else { hi[k] };
                         }
                     }
                 }
             }
         }
-        ends
+        [lo, hi]
     }
 
     /// A corner of eight triangles by coordinate: those from `first` on, the last eight of the range where fewer are left, and some repeated
@@ -145,6 +149,19 @@ impl Vertices {
             *lanes = eight(simd, &row[range.clone()], first - range.start);
         }
         lanes
+    }
+}
+
+/// Includes the projections of eight points along a row, a step for all points at a time, as vectors have it.
+#[inline(always)]
+fn widen(lo: &mut [f64; LANES], hi: &mut [f64; LANES], row: [f64; 3], [x, y, z]: &[[f32; LANES]; 3]) {
+    let mut along = [0.0; LANES];
+    for lane in 0..LANES {
+        along[lane] = Slabs::projection(row, [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])]);
+    }
+    for lane in 0..LANES {
+        lo[lane] = if along[lane] < lo[lane] { along[lane] } else { lo[lane] };
+        hi[lane] = if along[lane] > hi[lane] { along[lane] } else { hi[lane] };
     }
 }
 
@@ -199,13 +216,14 @@ fn greatest_of<T: Copy + PartialOrd>(x: [T; LANES]) -> T {
 mod tests {
     use canted_fixtures::SplitMix64;
     use canted_obb::Obb;
+    use canted_obb::round::{down, up};
 
     use super::*;
     use crate::SimdPath;
     use crate::simd::{AvailablePath, Task};
 
-    /// Triangles of any kind, and the greatest coordinate.
-    fn cloud(rng: &mut SplitMix64, round: usize) -> (Vec<[[f32; 3]; 3]>, f32) {
+    /// Triangles of any kind.
+    fn cloud(rng: &mut SplitMix64, round: usize) -> Vec<[[f32; 3]; 3]> {
         let scale: f64 = [1.0, 1e-6, 1e7, 1e-30, 1e-42, 1e36, 3e38][round % 7];
         let offset = [0.0, 1.0, 1e7][round / 7 % 3] * scale.min(1e20);
         let kind = round / 21 % 6;
@@ -218,24 +236,35 @@ mod tests {
             _ => (offset + scale * f64::from(f32::EPSILON) * rng.signed()) as f32,
         };
         let mut point = |i: usize| [0, 1, 2].map(|axis| coordinate(3 * i + axis));
-        let triangles: Vec<_> = (0..1 + round % 41).map(|i| [0, 1, 2].map(|corner| point(3 * i + corner))).collect();
-        let reach = triangles.as_flattened().as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
-        (triangles, reach)
+        (0..1 + round % 41).map(|i| [0, 1, 2].map(|corner| point(3 * i + corner))).collect()
     }
 
-    /// The ends of a range on a path: as a refit asks for them, or within an error.
-    struct EndsOf<'a>(&'a Vertices, Range<usize>, [[f32; 3]; 3], Result<f32, f32>);
+    /// The ends of a range on a path, as a refit asks for them or within an error.
+    struct EndsOf<'a> {
+        vertices: &'a Vertices,
+        range: Range<usize>,
+        rows: [[f32; 3]; 3],
+        reach: f32,
+        error: Option<f32>,
+    }
 
     impl Task for EndsOf<'_> {
-        type Output = Ends;
+        type Output = Slabs;
 
         #[inline(always)]
-        fn on<S: Simd>(self, simd: S) -> Ends {
-            let Self(vertices, range, rows, error) = self;
-            match error {
-                Ok(reach) => vertices.ends(simd, range, rows, reach),
-                Err(error) => vertices.ends_within(simd, range, rows, error),
-            }
+        fn on<S: Simd>(self, simd: S) -> Slabs {
+            let Self { vertices, range, rows, reach, error } = self;
+            let [lo, hi] = match error {
+                Some(error) => {
+                    let [lo, hi] = vertices.projections_within(simd, range, rows, error);
+                    Slabs::ends(lo, hi, f64::from(reach))
+                }
+                None => {
+                    let ends = vertices.ends(simd, range, rows, reach);
+                    [ends.lo, ends.hi]
+                }
+            };
+            Slabs { rows, lo: lo.map(down), hi: hi.map(up) }
         }
     }
 
@@ -244,27 +273,24 @@ mod tests {
         let mut rng = SplitMix64::new(7);
         let mut n_wrong_without_error = 0;
         for round in 0..10_000 {
-            let (cloud, reach) = cloud(&mut rng, round);
+            let cloud = cloud(&mut rng, round);
             let random = canted_obb::frame::orthonormal(rng.signed3(), rng.signed3());
             let rows = if round % 7 == 0 { Obb::IDENTITY_FRAME } else { random };
             let by_row = |i: usize| cloud.iter().map(|triangle| triangle.as_flattened()[i]).collect();
             let vertices = Vertices { rows: std::array::from_fn(by_row) };
             let range = round % 3 * cloud.len() / 8..cloud.len() - round % 2 * cloud.len() / 3;
-            let want = Slabs::from_points(rows, cloud[range.clone()].as_flattened().iter().copied());
+            let cloud = cloud[range.clone()].as_flattened();
+            let reach = cloud.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+            let want = Slabs::from_points(rows, cloud.iter().copied());
+            let found = |path: AvailablePath, error| {
+                path.run(EndsOf { vertices: &vertices, range: range.clone(), rows, reach, error })
+            };
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-                let found = |error| {
-                    let ends = path.available().run(EndsOf(&vertices, range.clone(), rows, error));
-                    Slabs::from_ends(rows, ends.lo, ends.hi)
-                };
-                for reach in [reach, f32::INFINITY] {
-                    assert_eq!(found(Ok(reach)), want, "{round} {path:?}");
-                }
-                if reach < MAX_REACH {
-                    assert_eq!(found(Err(ERROR * reach + TINY_ERROR)), want, "{round} {path:?}");
-                }
+                assert_eq!(found(path.available(), None), want, "{round} {path:?}");
+                let error = if reach < MAX_REACH { ERROR * reach + TINY_ERROR } else { f32::INFINITY };
+                assert_eq!(found(path.available(), Some(error)), want, "{round} {path:?}");
             }
-            let without = AvailablePath::detect().run(EndsOf(&vertices, range, rows, Err(0.0)));
-            n_wrong_without_error += usize::from(Slabs::from_ends(rows, without.lo, without.hi) != want);
+            n_wrong_without_error += usize::from(found(AvailablePath::detect(), Some(0.0)) != want);
         }
         assert!(n_wrong_without_error > 20, "{n_wrong_without_error} boxes are wrong without the bound");
     }

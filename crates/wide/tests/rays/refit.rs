@@ -109,14 +109,14 @@ fn the_same_vertices_give_the_same_bvh() {
         let mut wide = build(&mesh, Preset::default());
         let built = records(&wide);
         let refit = wide.refit(&mesh.positions, &mesh.triangles).unwrap();
-        assert_eq!(records(&wide), built, "{name}");
+        assert!(records(&wide) == built, "{name}");
         assert_eq!((refit.drift, refit.cost_before), (1.0, refit.cost_built), "{name}");
-        // Away and back.
+        // Away and back: frames have turned twice, and are those of the build but for roundings.
         let (_, away) = &motions(&mesh)[1];
         let there = wide.refit(&away.positions, &away.triangles).unwrap();
         let back = wide.refit(&mesh.positions, &mesh.triangles).unwrap();
-        assert_eq!(records(&wide), built, "{name}");
-        assert_eq!((back.cost_before, back.cost_now), (there.cost_now, refit.cost_built), "{name}");
+        assert_eq!(back.cost_before, there.cost_now, "{name}");
+        assert!((back.cost_now - refit.cost_built).abs() <= 1e-3 * refit.cost_built, "{name}: {back:?}");
     }
 }
 
@@ -205,6 +205,29 @@ fn twisted(mesh: &Mesh, turns: f64) -> Mesh {
         let (sin, cos) = fixtures::sin_cos(turns * std::f64::consts::TAU * z);
         [cos * x - sin * y, sin * x + cos * y, z]
     })
+}
+
+/// With the frames as built, struts twisted by 60 degrees would make 3.0 of the cost and 2.1 times the work.
+#[test]
+fn frames_of_struts_turn_with_them() {
+    let mesh = fixtures::scaffold_of(1, false, 8);
+    let bounds = build(&mesh, Preset::Dynamic).aabb();
+    let height = f64::from(bounds.max[2] - bounds.min[2]);
+    let mut wide = build(&mesh, Preset::default());
+    let mut moved = mesh.clone();
+    for step in 1..=6 {
+        moved = twisted(&mesh, f64::from(step) / 36.0 / height);
+        let refit = wide.refit(&moved.positions, &moved.triangles).unwrap();
+        assert!(refit.drift < 2.2, "{step}: {refit:?}");
+    }
+    let (old, new) = (work(&wide, &moved), work(&build(&moved, Preset::default()), &moved));
+    assert!(old / new < 1.5, "{old} {new}");
+    // And back: no step has lost anything.
+    for step in (0..6).rev() {
+        moved = twisted(&mesh, f64::from(step) / 36.0 / height);
+        wide.refit(&moved.positions, &moved.triangles).unwrap();
+    }
+    assert!((wide.drift() - 1.0).abs() < 0.02, "{}", wide.drift());
 }
 
 #[test]
