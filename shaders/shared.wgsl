@@ -298,6 +298,24 @@ fn before(a: Hit, b: Hit) -> bool {
     return a.primitive < b.primitive;
 }
 
+// part ray/module
+// Rays and hits of a program's kernel.
+
+/// A hit that tells where its triangle lies.
+struct ModuleHit {
+    t: f32,
+    u: f32,
+    v: f32,
+    primitive: u32,
+    instance: u32,
+    place: u32,
+}
+
+/// A ray from its origin on.
+fn module_ray(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Ray {
+    return Ray(origin, 0.0, direction, t_max);
+}
+
 // part time/ray_time
 // Time of the rays of an invocation: 0 at shutter opening, below 1 until it closes, a multiple of 2^-24.
 

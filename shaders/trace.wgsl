@@ -135,6 +135,49 @@ fn main(id: Invocation) {
     }
 }
 
+// part driver_closest
+// The hit that the driver's ray queries find for each ray.
+// use shared/driver/queries
+// use shared/invocation/index
+// use ?each
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+@group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
+        return;
+    }
+    let index = ray_index(entry);
+    if index < arrayLength(&rays) {
+        hits[index] = driver_closest_hit(rays[index]);
+    }
+}
+
+// part driver_occluded
+// Whether the driver's ray queries find a hit of each ray.
+// use shared/driver/queries
+// use shared/invocation/index
+// use ?each
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+/// 1 for a hit, 0 for a miss.
+@group(1) @binding(1) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= n_rays() {
+        return;
+    }
+    let index = ray_index(entry);
+    if index < arrayLength(&rays) {
+        found[index] = u32(driver_occluded(rays[index]));
+    }
+}
+
 // choice each/all
 // A kernel traces all rays.
 

@@ -23,17 +23,8 @@
 // at most 1.4 k s in object space, for the condition number k (1.4 is the greatest quotient of |m| times its largest component and m m), and raises the bounds by
 // at most 1.4 k (64 + 7 + 36 + 30 k) E s, and in an instance that moves by 1.4 k (64 + 7 + 126 + 120 k) E s. For k up to 128 and 64 that is 0.09 s. The margin
 // is 1/64, so each step leaves less than a tenth of what lacks, and eight are enough even where the point is 1e5 times as far from the plane as rays start.
+// use shared/ray/module
 // use ?traverse
-
-/// A hit that tells where its triangle lies.
-struct ModuleHit {
-    t: f32,
-    u: f32,
-    v: f32,
-    primitive: u32,
-    instance: u32,
-    place: u32,
-}
 
 /// Where a ray met a surface.
 struct Surface {
@@ -61,11 +52,6 @@ const MAX_STEPS: u32 = 8u;
 
 /// Margin of a step, so that the bounds of the new origin, which are larger, are met.
 const MARGIN: f32 = 1.0 + 1.0 / 64.0;
-
-/// A ray from its origin on.
-fn module_ray(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Ray {
-    return Ray(origin, 0.0, direction, t_max);
-}
 
 fn module_closest_hit(ray: Ray) -> ModuleHit {
     return closest_hit_masked(ray, EVERY);

@@ -25,7 +25,7 @@
 //! | [`wgsl`], [`choice`] | names of kernels as constants; an enum for each slot of kernels |
 //! | [`Variant`], [`assemble`] | choose the parts of a kernel; its WGSL text |
 //! | [`Shader`] | a validated kernel with bindings, work-group size and structure layouts, read by `naga` |
-//! | [`traversal_module`], [`ModuleOptions`] | `closest_hit` and `occluded` for a kernel of your own |
+//! | [`traversal_module`], [`driver_module`], [`ModuleOptions`] | `closest_hit` and `occluded` for a kernel of your own |
 //! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
 //! | [`kernels`], [`FILES`] | names of all kernels; texts of all files |
 //! | [`variants`] | variants of a kernel that have every choice, for checks of all kernels |
@@ -52,7 +52,7 @@ mod variants;
 pub use error::ShaderError;
 pub use files::{Choice, FILES, Number, Override, ShaderName, choice, kernels, wgsl};
 pub use lint::lint;
-pub use module::{MODULE_BUFFERS, ModuleOptions, TABLE_BYTES, traversal_module};
+pub use module::{MODULE_BUFFERS, ModuleOptions, TABLE_BYTES, driver_module, traversal_module};
 pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, ShaderStage};
 pub use source::{Variant, assemble};
 pub use variants::variants;

@@ -88,6 +88,17 @@ pub fn traversal_module<'a>(
     Ok(text.replace(CALL, &accepted))
 }
 
+/// The same names but those of surfaces, for rays that the driver traces: see `TracedScene::module` of `canted-gpu`. The text starts with an `enable` directive, so
+/// it comes first in a kernel.
+///
+/// # Errors
+/// A prefix that is no start of a name.
+pub fn driver_module(group: u32, prefix: &str) -> Result<String, ShaderError> {
+    check_name(prefix)?;
+    let text = code(&assemble(wgsl::shared::driver::MODULE, &Variant::none())?);
+    Ok(prefixed(&text, prefix).replace("@group(0)", &format!("@group({group})")))
+}
+
 /// What `shared/module` calls, and the place of its answer.
 const CALLED: &str = "fn is_accepted(hit: ModuleHit) -> bool {\n    return $;\n}\n";
 const CALL: &str = "$";

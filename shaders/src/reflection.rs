@@ -10,6 +10,9 @@ use crate::{ShaderError, ShaderName, Variant, assemble};
 /// Maximum number of storage buffers of a stage over all kernels: the limit that hosts request.
 pub const MAX_STORAGE_BUFFERS: u32 = 28;
 
+/// Line of kernels that use ray queries of the driver.
+const RAY_QUERIES: &str = "enable wgpu_ray_query;";
+
 /// An assembled and validated kernel.
 #[derive(Clone, Debug)]
 pub struct Shader {
@@ -80,6 +83,8 @@ pub enum BindingKind {
     Texture,
     /// Sampler.
     Sampler,
+    /// An acceleration structure of the driver.
+    AccelerationStructure,
 }
 
 /// Memory layout of a structure.
@@ -144,8 +149,10 @@ pub(crate) fn specialized(
             return Err(ShaderError::UnknownChoice { kernel: name.to_owned(), what: (*known).to_owned() });
         }
     }
-    // No optional capabilities: a kernel that needs one fails here rather than on another machine.
-    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    // No optional capabilities, but for kernels that say so: others that need one fail here rather than on another machine.
+    let asks = source.lines().any(|line| line == RAY_QUERIES);
+    let capabilities = if asks { Capabilities::RAY_QUERY } else { Capabilities::empty() };
+    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
     let info = validator.validate(&module).map_err(|error| invalid(error.emit_to_string(source)))?;
     let values = overrides.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let (module, info) = naga::back::pipeline_constants::process_overrides(&module, &info, None, &values)
@@ -189,6 +196,7 @@ fn entry(module: &Module, info: &ModuleInfo, index: usize) -> Entry {
 fn kind(inner: &TypeInner, space: AddressSpace, used: naga::valid::GlobalUse) -> BindingKind {
     match (inner, space) {
         (TypeInner::Sampler { .. }, _) => BindingKind::Sampler,
+        (TypeInner::AccelerationStructure { .. }, _) => BindingKind::AccelerationStructure,
         (TypeInner::Image { .. }, _) => BindingKind::Texture,
         (_, AddressSpace::Uniform) => BindingKind::Uniform,
         (_, AddressSpace::Storage { access }) => BindingKind::Storage {

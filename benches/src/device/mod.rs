@@ -1,9 +1,11 @@
 //! Benchmarks of the device that `--device` names: build, sort, rays, pictures, also compared with the CPU.
 
 mod builds;
+mod clock;
 mod pictures;
 mod rays;
 
+use std::fmt::Write as _;
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
@@ -124,7 +126,9 @@ pub(crate) fn section(choice: &Choice, options: &Options) -> Result<()> {
             continue;
         }
         let start = Instant::now();
-        write(&mut out, &bench)?;
+        let (done, clock) = clock::during(&bench.gpu.info().name, || write(&mut out, &bench));
+        done?;
+        let _ = writeln!(out, "\n{}", clock::sentence(clock));
         seconds.push(format!("{name} {:.0}", start.elapsed().as_secs_f64()));
         // A run that is ended early has printed what it measured.
         std::io::stdout().write_all(options.titled(&std::mem::take(&mut out)).as_bytes())?;

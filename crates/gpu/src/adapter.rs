@@ -21,6 +21,8 @@ pub struct AdapterInfo {
     pub max_buffer_bytes: u64,
     /// Whether the adapter supports timestamp queries.
     pub has_timestamps: bool,
+    /// Whether its driver traces rays by ray queries: [`Gpu::with_ray_queries`](crate::Gpu::with_ray_queries).
+    pub has_ray_queries: bool,
 }
 
 /// Kinds of adapters, in order of preference.
@@ -137,6 +139,7 @@ pub(crate) fn facts_of(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features:
         max_binding_bytes: limits.max_storage_buffer_binding_size,
         max_buffer_bytes: limits.max_buffer_size,
         has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+        has_ray_queries: features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY),
     }
 }
 

@@ -166,6 +166,15 @@ impl Gpu {
         self.upload(&buffer.raw, buffer.first_byte, bytemuck::cast_slice(values));
     }
 
+    /// A buffer of values from which the driver builds an acceleration structure.
+    pub(crate) fn for_driver<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, GpuError> {
+        let usage = BufferUsages::BLAS_INPUT | BufferUsages::COPY_DST;
+        let most = self.limits().max_buffer_size;
+        let buffer = self.allocate(what, values.len(), usage, most, "bytes in a buffer")?;
+        self.upload(&buffer.raw, 0, bytemuck::cast_slice(values));
+        Ok(buffer)
+    }
+
     /// A buffer for resolved timestamp queries.
     pub(crate) fn resolve_target(&self, len: usize) -> Result<Buffer<u64>, GpuError> {
         let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;

@@ -20,7 +20,7 @@ use crate::memory::{Counters, FrameBuffers, Memory, Staging, WorkBuffers};
 use crate::pipelines::KeptPipelines;
 #[cfg(not(target_family = "wasm"))]
 use crate::timeout::AdaptiveTimeout;
-use crate::{GpuError, Kernel, Variant};
+use crate::{GpuError, Kernel, Variant, trusted};
 
 /// An open device with its queue and compiled kernels.
 ///
@@ -62,10 +62,36 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::open`].
     pub async fn with_limits(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
+        let chosen = choose(choice).await?;
+        Self::opened(chosen, lower, Features::empty(), ExperimentalFeatures::disabled()).await
+    }
+
+    /// Opens an adapter with the ray queries of its driver, for [`Source::DriverRayQueries`](crate::Source::DriverRayQueries). All else is as after [`Gpu::open`], which
+    /// does not ask for them: `wgpu` calls them experimental.
+    ///
+    /// # Errors
+    /// As for [`Gpu::open`]; [`GpuError::Unsupported`] if the adapter has none.
+    pub async fn with_ray_queries(choice: &Choice) -> Result<Self, GpuError> {
         let (adapter, facts) = choose(choice).await?;
+        if !facts.has_ray_queries {
+            return Err(GpuError::Unsupported {
+                what: format!("ray queries of the driver by adapter '{}'", facts.name),
+            });
+        }
+        let most = adapter.limits();
+        let raise = |limits: Limits| limits.using_acceleration_structure_values(most);
+        Self::opened((adapter, facts), raise, Features::EXPERIMENTAL_RAY_QUERY, trusted::experimental()).await
+    }
+
+    async fn opened(
+        (adapter, facts): (wgpu::Adapter, AdapterInfo),
+        change: impl FnOnce(Limits) -> Limits,
+        features: Features,
+        experimental_features: ExperimentalFeatures,
+    ) -> Result<Self, GpuError> {
         // Default limits, raised only where the kernels need it. A device grants no more than was requested.
         let most = adapter.limits();
-        let limits = lower(Limits {
+        let limits = change(Limits {
             max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
             max_buffer_size: most.max_buffer_size,
             max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(MAX_STORAGE_BUFFERS),
@@ -75,9 +101,9 @@ impl Gpu {
         });
         let descriptor = DeviceDescriptor {
             label: Some("canted"),
-            required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::PIPELINE_CACHE),
+            required_features: features | adapter.features() & (Features::TIMESTAMP_QUERY | Features::PIPELINE_CACHE),
             required_limits: limits.clone(),
-            experimental_features: ExperimentalFeatures::disabled(),
+            experimental_features,
             memory_hints: MemoryHints::Performance,
             trace: Trace::Off,
         };
@@ -211,6 +237,12 @@ impl Gpu {
     #[must_use]
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(Features::TIMESTAMP_QUERY)
+    }
+
+    /// Whether the device was opened with ray queries of the driver.
+    #[must_use]
+    pub fn has_ray_queries(&self) -> bool {
+        self.device.features().contains(Features::EXPERIMENTAL_RAY_QUERY)
     }
 
     /// Reads pipelines that an earlier run compiled from a folder of the user, and writes them there when this value is dropped. The folder has a

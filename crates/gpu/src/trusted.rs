@@ -13,10 +13,13 @@
 //! * *Rows of a node*: children are numbered by three bits.
 //! * *Loops*: every one counts its iterations up to a constant, or a number that the word of a leaf limits to 32.
 //! * *Divisions of integers*: by constants.
-#![expect(unsafe_code, reason = "the functions of wgpu that skip checks")]
+#![expect(unsafe_code, reason = "the functions of wgpu that skip checks or are experimental")]
 
 use canted_shaders::{ShaderName, wgsl};
-use wgpu::{Device, PipelineCache, PipelineCacheDescriptor, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
+use wgpu::{
+    Device, ExperimentalFeatures, PipelineCache, PipelineCacheDescriptor, ShaderModule, ShaderModuleDescriptor,
+    ShaderRuntimeChecks,
+};
 
 /// Kernels whose text is this crate's and whose indices are proved.
 const PROVED: [ShaderName; 3] =
@@ -41,4 +44,11 @@ pub(crate) fn pipeline_cache(device: &Device, data: Option<&[u8]>) -> PipelineCa
     // SAFETY: `data` is what `PipelineCache::get_data` returned: its file starts with a checksum (`pipelines`), and is in a folder of the user, who can
     // change this program, too. The driver refuses what is of another device or version.
     unsafe { device.create_pipeline_cache(&descriptor) }
+}
+
+/// Agrees to experimental features, for a device whose caller asks for ray queries of the driver.
+pub(crate) fn experimental() -> ExperimentalFeatures {
+    // SAFETY: of such features this crate requests ray queries alone. `trace/driver` builds acceleration structures from buffers and instances that it checks and that
+    // outlive the build, `wgpu` checks the rest, and the kernels keep its checks of queries and rays.
+    unsafe { ExperimentalFeatures::enabled() }
 }

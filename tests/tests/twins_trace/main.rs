@@ -6,6 +6,7 @@ mod certain;
 mod curves;
 mod deep;
 mod download;
+mod driver;
 mod frames;
 mod moving;
 mod patches;
@@ -24,6 +25,7 @@ fn main() -> std::process::ExitCode {
         curves::tests(),
         deep::tests(),
         download::tests(),
+        driver::tests(),
         frames::tests(),
         moving::tests(),
         patches::tests(),

@@ -33,7 +33,7 @@ impl TracedScene {
     /// are those of any BVH of the CPU over the same triangles.
     ///
     /// # Errors
-    /// A scene of two levels, for which [`TracedScene::download_mesh`] is; a BVH that is damaged; the device is lost.
+    /// A scene of two levels, for which [`TracedScene::download_mesh`] is; structures of the driver; a BVH that is damaged; the device is lost.
     pub async fn download(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
         if self.tables().instances().is_some() {
             let what = "a download of a scene of two levels as one BVH; download its meshes".to_owned();
@@ -77,6 +77,9 @@ impl TracedScene {
             Nodes::Wide(WideNodes { nodes, triangles, .. }) => {
                 let [nodes, triangles] = [gpu.read(nodes).await?, gpu.read(triangles).await?];
                 wide(&nodes, &triangles, &header).map(DownloadedBvh::Wide).map_err(flawed)
+            }
+            Nodes::Driver(_) => {
+                Err(GpuError::Unsupported { what: "a download of structures of the driver".to_owned() })
             }
         }
     }

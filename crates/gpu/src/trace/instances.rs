@@ -177,7 +177,7 @@ fn image(bounds: &Aabb, world_from_object: &Affine) -> Aabb {
     all
 }
 
-fn untraceable(error: &dyn std::error::Error) -> GpuError {
+pub(super) fn untraceable(error: &dyn std::error::Error) -> GpuError {
     GpuError::Unsupported { what: error.to_string() }
 }
 

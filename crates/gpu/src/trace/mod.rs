@@ -3,6 +3,7 @@
 //! ```text
 //! TriangleBvh, or one per mesh + instances -> upload ------------> TracedScene -> closest hits, occlusion; bindings of other kernels
 //! corners of meshes + instances            -> build on the device -^   binary, or collapsed into wide nodes
+//!                                          -> build by the driver -^   for its ray queries
 //!                                                    TracedScene -> download -> a BVH of the CPU
 //! ```
 //!
@@ -17,6 +18,8 @@ mod octants;
 mod ray_list;
 
 mod instances;
+
+mod driver;
 mod nodes;
 mod tables;
 

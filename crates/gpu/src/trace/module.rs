@@ -1,6 +1,6 @@
 //! Traversal in a kernel of a program's own: its text, layout and bind group.
 
-use canted_shaders::{MODULE_BUFFERS, ModuleOptions, Variant, choice, traversal_module};
+use canted_shaders::{MODULE_BUFFERS, ModuleOptions, Variant, choice, driver_module, traversal_module};
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BindingType,
     BufferBindingType, ShaderStages,
@@ -81,17 +81,29 @@ impl TracedScene {
     /// fit beside them. The text has constants of this scene. It stays valid after rebuilds, refits and updates. Another scene needs its own text, pipeline and bind group, and a
     /// kernel includes the module of one scene, or those of several with different prefixes.
     ///
+    /// # Rays of the driver
+    /// From [`Source::DriverRayQueries`](crate::Source::DriverRayQueries) the functions that trace rays answer with hits of the driver, and there are none of surfaces, whose bounds
+    /// follow from this crate's traversal: take normals from the program's vertices. `is_incomplete` stays false. The module starts with the directive `enable
+    /// wgpu_ray_query`, so its text comes before that of the kernel, and it takes no storage buffer, but an acceleration structure.
+    ///
     /// # Errors
     /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with
-    /// curves.
+    /// curves, or a function that accepts hits of the driver.
     pub fn module<'a>(&self, options: impl Into<ModuleOptions<'a>>) -> Result<String, GpuError> {
         if self.has_curves() {
             return Err(GpuError::Unsupported { what: "curves in a kernel of a program's own".to_owned() });
         }
-        Ok(traversal_module(&self.traversal(), &self.tables().lengths(), options)?)
+        let options = options.into();
+        if !self.is_of_driver() {
+            return Ok(traversal_module(&self.traversal(), &self.tables().lengths(), options)?);
+        }
+        if options.accepts.is_some() {
+            return Err(GpuError::Unsupported { what: "a function that accepts hits of the driver".to_owned() });
+        }
+        Ok(driver_module(options.group, options.prefix)?)
     }
 
-    /// The entries of a layout for [`TracedScene::bind_group`], the same for all scenes, for a program that makes its layouts before its pipelines.
+    /// The entries of a layout for [`TracedScene::bind_group`], the same for all scenes but [those of the driver](Self::is_of_driver), for a program that makes its layouts before its pipelines.
     /// `visibility` are the stages that trace rays.
     ///
     /// ```no_run
@@ -121,15 +133,24 @@ impl TracedScene {
         (0..MODULE_BUFFERS).map(entry).collect()
     }
 
+    /// The same for scenes of the driver.
+    #[must_use]
+    pub fn driver_layout_entries(visibility: ShaderStages) -> Vec<BindGroupLayoutEntry> {
+        let ty = BindingType::AccelerationStructure { vertex_return: false };
+        vec![BindGroupLayoutEntry { binding: 0, visibility, ty, count: None }]
+    }
+
     /// The bind group of [`TracedScene::module`], in a layout of the program's own ([`TracedScene::layout_entries`]) or one derived from its pipeline.
     ///
     /// # Errors
     /// [`GpuError::Input`] for a layout that does not fit; device lost.
     pub fn bind_group(&self, gpu: &Gpu, layout: &BindGroupLayout) -> Result<BindGroup, GpuError> {
-        // Nodes and triangles come first.
+        // Nodes and triangles come first, or what the driver traces.
         let mut bound = self.nodes.bindings();
-        bound.truncate(2);
-        bound.push(("tables", self.tables().whole()));
+        if !self.is_of_driver() {
+            bound.truncate(2);
+            bound.push(("tables", self.tables().whole()));
+        }
         let entries: Vec<_> = (0..)
             .zip(&bound)
             .map(|(binding, (_, bound))| BindGroupEntry { binding, resource: bound.resource() })

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::{Bits, Corners, Strategy};
 
+use super::driver::DriverScene;
 use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
 use super::leaf_curves::{CurveKernels, CurveKinds};
 use super::leaf_triangles::UploadedBvh;
@@ -224,6 +225,8 @@ pub(super) enum Nodes {
     Wide(WideNodes),
     /// Binary BVHs.
     Binary(Pairs),
+    /// Structures of the driver.
+    Driver(DriverScene),
 }
 
 impl Nodes {
@@ -238,6 +241,8 @@ impl Nodes {
         match self {
             Self::Binary(pairs) => pairs.put(build, which, built, built.primitives.of_trees(trees)),
             Self::Wide(wide) => wide.put_again(build, (which, built), trees, change),
+            // Not reached: scenes over buffers of a program have none.
+            Self::Driver(_) => Err(GpuError::Unsupported { what: "an update of structures of the driver".to_owned() }),
         }
     }
 
@@ -245,7 +250,7 @@ impl Nodes {
     pub(super) fn without_updates(self) -> Self {
         match self {
             Self::Wide(wide) => Self::Wide(WideNodes { collapse: None, ..wide }),
-            binary @ Self::Binary(_) => binary,
+            others => others,
         }
     }
 
@@ -258,6 +263,7 @@ impl Nodes {
         match self {
             Self::Wide(wide) => wide.bindings(),
             Self::Binary(pairs) => pairs.bindings(),
+            Self::Driver(scene) => vec![("driver_scene", scene)],
         }
     }
 
@@ -265,6 +271,8 @@ impl Nodes {
         match self {
             Self::Wide(wide) => wide.specialize(chosen),
             Self::Binary(pairs) => pairs.specialize(chosen),
+            // It has no choices: kernels that use `shared/traverse` are without a traversal.
+            Self::Driver(_) => chosen,
         }
     }
 
@@ -272,7 +280,7 @@ impl Nodes {
     pub(super) fn curves(&self) -> CurveKinds {
         match self {
             Self::Wide(WideNodes { curves, .. }) => *curves,
-            Self::Binary(_) => CurveKinds::default(),
+            Self::Binary(_) | Self::Driver(_) => CurveKinds::default(),
         }
     }
 
@@ -280,6 +288,7 @@ impl Nodes {
         match self {
             Self::Wide(wide) => wide.n_bytes(),
             Self::Binary(pairs) => pairs.n_bytes(),
+            Self::Driver(_) => 0,
         }
     }
 
@@ -287,7 +296,7 @@ impl Nodes {
     pub(super) fn top_is_oriented(&self) -> bool {
         match self {
             Self::Binary(pairs) => pairs.is_oriented(),
-            Self::Wide(_) => false,
+            Self::Wide(_) | Self::Driver(_) => false,
         }
     }
 }

@@ -72,6 +72,9 @@ impl TracedScene {
     /// The kernels of a query, of all rays of a buffer or of a list of them, compiled at the same time. Those of a list leave [masked](crate::Options::masked)
     /// triangles to the exact one.
     pub(super) fn kernels(&self, gpu: &Gpu, names: &Names, each: choice::Each) -> Result<Kernels, GpuError> {
+        if self.is_of_driver() {
+            return Ok(Kernels::Driver(gpu.kernel(names.driver, &Variant::none().with(each))?));
+        }
         let exact = |each| (names.exact, self.specialize(exact_parts()).with(each));
         Ok(match self.certain_variants(gpu, names, each, None)? {
             // No kernel repeats the arithmetic of the CPU for curves.
@@ -175,9 +178,10 @@ impl TracedScene {
         let mut commands = gpu.commands();
         let undecided = self.record(gpu, &mut commands, kernels, &rays_there, (into, &answers))?;
         commands.run().await?;
-        let n_exact = match &undecided {
-            None => u32::try_from(rays.len()).unwrap_or(u32::MAX),
-            Some(undecided) => undecided.count(gpu).await?,
+        let n_exact = match (&undecided, kernels) {
+            (Some(undecided), _) => undecided.count(gpu).await?,
+            (None, Kernels::Driver(_)) => 0,
+            (None, _) => u32::try_from(rays.len()).unwrap_or(u32::MAX),
         };
         self.n_exact_rays.fetch_add(n_exact.into(), Ordering::Relaxed);
         let mut found = gpu.read(&answers).await?;
@@ -207,7 +211,7 @@ impl TracedScene {
         bound.extend([("rays", rays as &dyn AsBinding), (into, answers)]);
         let (certain, listed) = match kernels {
             Kernels::Host => return Err(GpuError::Input { message: "the CPU traces all rays".to_owned() }),
-            Kernels::Exact(kernel) => {
+            Kernels::Exact(kernel) | Kernels::Driver(kernel) => {
                 commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
                 return Ok(None);
             }
@@ -295,12 +299,21 @@ pub(super) struct Names {
     exact: ShaderName,
     /// Those that decide what is certain, in order.
     certain: &'static [ShaderName],
+    /// The one whose rays the driver traces.
+    driver: ShaderName,
 }
 
-pub(super) const CLOSEST: Names =
-    Names { exact: wgsl::trace::CLOSEST, certain: &[wgsl::trace::CERTAIN_CLOSEST, wgsl::trace::CERTAIN_WEIGHTS] };
+pub(super) const CLOSEST: Names = Names {
+    exact: wgsl::trace::CLOSEST,
+    certain: &[wgsl::trace::CERTAIN_CLOSEST, wgsl::trace::CERTAIN_WEIGHTS],
+    driver: wgsl::trace::DRIVER_CLOSEST,
+};
 
-pub(super) const OCCLUDED: Names = Names { exact: wgsl::trace::OCCLUDED, certain: &[wgsl::trace::CERTAIN_OCCLUDED] };
+pub(super) const OCCLUDED: Names = Names {
+    exact: wgsl::trace::OCCLUDED,
+    certain: &[wgsl::trace::CERTAIN_OCCLUDED],
+    driver: wgsl::trace::DRIVER_OCCLUDED,
+};
 
 /// The choices of exact kernels of queries: all hits count, and tests are not counted.
 fn exact_parts() -> Variant {
@@ -313,6 +326,8 @@ pub(super) enum Kernels {
     Exact(Arc<Kernel>),
     /// None: the CPU traces all rays.
     Host,
+    /// Ray queries of the driver for all rays.
+    Driver(Arc<Kernel>),
     /// What the bounds of f32 decide, by one kernel after another, then exact arithmetic for the listed rest, unless the CPU traces that or a test wants to
     /// see it.
     CertainFirst { certain: Vec<Arc<Kernel>>, listed: Option<Arc<Kernel>> },
@@ -322,7 +337,7 @@ impl Kernels {
     /// The same with another kernel for what is traced exactly.
     pub(super) fn with_exact(self, exact: Arc<Kernel>) -> Self {
         match self {
-            Self::Host => Self::Host,
+            Self::Host | Self::Driver(_) => self,
             Self::Exact(_) => Self::Exact(exact),
             Self::CertainFirst { certain, .. } => Self::CertainFirst { certain, listed: Some(exact) },
         }

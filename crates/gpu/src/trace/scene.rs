@@ -5,10 +5,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
+use canted_tlas::Instance;
 use canted_wide::RawBvh;
 
+use super::driver::DriverScene;
 use super::instances::{MeshBounds, Packing, TopLevel, placed_boxes};
-use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
+use super::layout::{BvhHeader, CENTER_REACH, EMPTY, HitError, check_coordinates};
 use super::leaf_curves::{CurveKernels, CurveKinds};
 use super::leaf_triangles::UploadedBvh;
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
@@ -48,7 +50,7 @@ pub struct TracedScene {
 }
 
 impl TracedScene {
-    /// The only way to make one: from BVHs that the CPU built, or that the device builds. Waits for the device.
+    /// The only way to make one: from BVHs that the CPU built, or that the device builds, or from structures of the driver. Waits for the device.
     ///
     /// ```no_run
     /// use canted_gpu::{Choice, Gpu, Options, Source, TracedScene, build::WideConfig};
@@ -66,7 +68,8 @@ impl TracedScene {
     /// # Errors
     /// Several meshes to build in one level; parts in two levels; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), also in world space; an unsupported
     /// strategy; more than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is too close to singular at any time, see
-    /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); a limit of the device, or device lost.
+    /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); what [`Source::DriverRayQueries`] does not support; a limit of the device, or
+    /// device lost.
     pub async fn new(gpu: &Gpu, source: Source<'_>, options: Options<'_>) -> Result<Self, GpuError> {
         let Options { parts, masked } = options;
         let levels = match source.instances() {
@@ -79,9 +82,13 @@ impl TracedScene {
         match &source {
             Source::Wide(bvh) => Self::uploaded(gpu, &[*bvh], masked, levels).await,
             Source::Tlas { bvhs, .. } => Self::uploaded(gpu, bvhs, masked, levels).await,
-            Source::Build { .. } if !masked.is_empty() => {
+            Source::Build { .. } | Source::DriverRayQueries { .. } if !masked.is_empty() => {
                 Err(GpuError::Input { message: "masked triangles of BVHs that the device builds".to_owned() })
             }
+            Source::DriverRayQueries { .. } if !parts.is_empty() => {
+                Err(GpuError::Unsupported { what: "parts of meshes by ray queries of the driver".to_owned() })
+            }
+            Source::DriverRayQueries { meshes, instances } => Self::of_driver(gpu, meshes, *instances),
             Source::Build { meshes, bvh, .. } => Self::built(gpu, meshes, *bvh, levels).await,
         }
     }
@@ -181,6 +188,16 @@ impl TracedScene {
         Self::over(gpu, nodes.without_updates(), &headers, &level, depth).await
     }
 
+    /// Has the driver build its structures.
+    fn of_driver(gpu: &Gpu, meshes: &[&[Corners]], instances: Option<&[Instance]>) -> Result<Self, GpuError> {
+        let scene = DriverScene::new(gpu, meshes, instances)?;
+        // The driver has no headers; a table is not empty.
+        let tables = Tables::new(gpu, &[BvhHeader::wide(EMPTY, 0)], &Level::One, true)?;
+        let (has_masks, nodes) = (scene.has_masks, Nodes::Driver(scene));
+        let (depth, max_iterations, n_exact_rays) = (0, 0, AtomicU64::new(0));
+        Ok(Self { nodes, tables, depth, max_iterations, has_masks, has_masked: false, is_exact: false, n_exact_rays })
+    }
+
     /// A scene whose BVHs have these headers.
     pub(super) async fn over(
         gpu: &Gpu,
@@ -233,13 +250,19 @@ impl TracedScene {
         self.nodes.curves().any()
     }
 
+    /// Whether rays are those of [`Source::DriverRayQueries`].
+    #[must_use]
+    pub fn is_of_driver(&self) -> bool {
+        matches!(self.nodes, Nodes::Driver(_))
+    }
+
     /// Whether the scene has curves whose points move.
     pub(super) fn has_moving_curves(&self) -> bool {
         self.nodes.curves().moves
     }
 
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene [has
-    /// curves](Self::has_curves) `exits`.
+    /// curves](Self::has_curves) `exits`. Where the rays [are the driver's](Self::is_of_driver) there is no traversal, and kernels that use one are an error.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.with(self.tables.level()).number(Number::MaxIterations, self.max_iterations);
@@ -253,7 +276,7 @@ impl TracedScene {
         chosen: Variant,
         leaves_masked: bool,
     ) -> Result<Option<Variant>, GpuError> {
-        if self.is_exact || matches!(self.nodes, Nodes::Binary(_)) {
+        if self.is_exact || !matches!(self.nodes, Nodes::Wide(_)) {
             return Ok(None);
         }
         let (decide, weights) = match (self.nodes.curves().kernels, leaves_masked && self.has_masked) {
@@ -280,7 +303,7 @@ impl TracedScene {
         self.n_exact_rays.load(Ordering::Relaxed)
     }
 
-    /// Size in device memory, in bytes.
+    /// Size in device memory, in bytes, without that of structures of the driver, which it does not tell.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
         self.nodes.n_bytes() + self.tables.n_bytes()

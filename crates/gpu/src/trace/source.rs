@@ -37,6 +37,21 @@ pub enum Source<'a> {
         /// Two levels, of instances by index into `meshes`.
         instances: Option<&'a [Instance]>,
     },
+    /// Structures that the driver builds, for rays that it traces by its ray queries, on a device that was opened [with them](crate::Gpu::with_ray_queries).
+    ///
+    /// **Hits are those of the driver.** None of this crate's guarantees holds for them: a ray may pass between two triangles that share an edge, or miss a needle; `t` is
+    /// single precision in the space of the instance, without a bound; of hits at the same `t` any is reported, and one at an end of the ray's interval may be missed.
+    /// Another driver may give other hits.
+    ///
+    /// Queries and [`TracedScene::module`](crate::TracedScene::module) have the same names and layouts of hits as for other sources. Masks of instances have seven bits, or all.
+    /// Not supported, and an error: instances that move, [masked](Options::masked) triangles, [parts](Options::parts), functions that accept hits, kernels that use
+    /// `shared/traverse` as those of pictures do, and downloads. Curves are not triangles.
+    DriverRayQueries {
+        /// The triangles of each mesh; of one mesh, in world space, without instances.
+        meshes: Vec<&'a [Corners]>,
+        /// Two levels, of instances by index into `meshes`.
+        instances: Option<&'a [Instance]>,
+    },
 }
 
 /// A BVH that the CPU built, to upload it; references convert into it.
@@ -152,6 +167,12 @@ impl<'a> Source<'a> {
         Self::Build { meshes: meshes.into_iter().map(AsRef::as_ref).collect(), bvh: bvh.into(), instances: None }
     }
 
+    /// [`Self::DriverRayQueries`] in one level; [`Self::with_instances`] adds another.
+    #[must_use]
+    pub fn driver_ray_queries<M: AsRef<[Corners]> + ?Sized + 'a>(meshes: impl IntoIterator<Item = &'a M>) -> Self {
+        Self::DriverRayQueries { meshes: meshes.into_iter().map(AsRef::as_ref).collect(), instances: None }
+    }
+
     /// The same BVHs in two levels.
     #[must_use]
     pub fn with_instances(self, instances: &'a [Instance]) -> Self {
@@ -159,6 +180,7 @@ impl<'a> Source<'a> {
             Self::Wide(bvh) => Self::Tlas { bvhs: vec![bvh], instances },
             Self::Tlas { bvhs, .. } => Self::Tlas { bvhs, instances },
             Self::Build { meshes, bvh, .. } => Self::Build { meshes, bvh, instances: Some(instances) },
+            Self::DriverRayQueries { meshes, .. } => Self::DriverRayQueries { meshes, instances: Some(instances) },
         }
     }
 
@@ -166,7 +188,7 @@ impl<'a> Source<'a> {
         match self {
             Self::Wide(_) => None,
             Self::Tlas { instances, .. } => Some(instances),
-            Self::Build { instances, .. } => *instances,
+            Self::Build { instances, .. } | Self::DriverRayQueries { instances, .. } => *instances,
         }
     }
 }

@@ -30,13 +30,16 @@ impl TracedScene {
     /// place of those of this crate, and decide which hits of [masked triangles](crate::Options::masked) count.
     ///
     /// # Errors
-    /// A scene with curves, some of whose rays the CPU must trace; a limit of the device.
+    /// A scene with curves, some of whose rays the CPU must trace; own kernels where the rays are the driver's; a limit of the device.
     pub fn stream_queries(
         &self,
         gpu: &Gpu,
         n: usize,
         own: Option<[Arc<Kernel>; 2]>,
     ) -> Result<StreamQueries, GpuError> {
+        if self.is_of_driver() && own.is_some() {
+            return Err(GpuError::Unsupported { what: "own kernels beside ray queries of the driver".to_owned() });
+        }
         let [own_closest, own_occluded] = own.map_or([None, None], |own| own.map(Some));
         let kernels = |names, own: Option<Arc<Kernel>>| {
             let kernels = self.kernels(gpu, names, choice::Each::Listed)?;
@@ -112,7 +115,7 @@ impl StreamQueries {
         match if is_closest { &self.closest } else { &self.occluded } {
             // Not reached: such a scene has no queries.
             Kernels::Host => return Err(GpuError::Input { message: "the CPU traces all rays".to_owned() }),
-            Kernels::Exact(kernel) => list.dispatch(commands, kernel, &of_list)?,
+            Kernels::Exact(kernel) | Kernels::Driver(kernel) => list.dispatch(commands, kernel, &of_list)?,
             Kernels::CertainFirst { certain, listed } => {
                 self.undecided.clear(commands);
                 for kernel in certain {
