@@ -85,6 +85,7 @@ impl Driver {
                         BindingKind::Storage { .. } => vk::DescriptorType::STORAGE_BUFFER,
                         BindingKind::Texture => vk::DescriptorType::SAMPLED_IMAGE,
                         BindingKind::Sampler => vk::DescriptorType::SAMPLER,
+                        BindingKind::AccelerationStructure => vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
                     };
                     vk::DescriptorSetLayoutBinding::default()
                         .binding(binding.number)

@@ -13,7 +13,7 @@ use std::{
     thread,
 };
 
-use canted_shaders::{Shader, ShaderName, Variant, choice, kernels, variants, wgsl};
+use canted_shaders::{BindingKind, Entry, Shader, ShaderName, Variant, choice, kernels, variants, wgsl};
 use serde::Serialize;
 
 use driver::{Compiled, Driver};
@@ -82,11 +82,12 @@ fn rows(driver: &Driver, family: &str) -> Result<Vec<Row>, String> {
     Ok(all.into_iter().map(|(_, row)| row).collect())
 }
 
-/// `None` for a raster pass, which is no compute kernel.
+/// `None` for a raster pass, which is no compute kernel, and for rays that the driver traces.
 fn row(driver: &Driver, family: &str, kernel: ShaderName, chosen: &Variant) -> Result<Option<Row>, String> {
     let in_kernel = |error: &dyn std::fmt::Display| format!("kernel '{kernel}', {}: {error}", name(chosen));
     let shader = Shader::new(kernel, chosen).map_err(|error| in_kernel(&error))?;
-    let Some(entry) = shader.entry("main") else { return Ok(None) };
+    let by_driver = |entry: &&Entry| entry.bindings.iter().any(|bound| bound.kind == BindingKind::AccelerationStructure);
+    let Some(entry) = shader.entry("main").filter(|entry| !by_driver(entry)) else { return Ok(None) };
     let words = shader.spirv().map_err(|error| in_kernel(&error))?;
     let compiled = driver.compile(&words, entry).map_err(|error| in_kernel(&error))?;
     Ok(Some(Row {
