@@ -71,7 +71,7 @@ fn main(id: Invocation) {
     if index >= arrayLength(&rays) {
         return;
     }
-    let is_certain = is_certain_hit(rays[index], false);
+    let is_certain = is_certain_hit(index, false);
     let is_hit = is_certain && best_number != NONE;
     hits[index] = Found(best_at, 0u, 0u, best_number, select(NONE, best_instance, is_hit));
     if !is_certain {
@@ -128,7 +128,7 @@ fn main(id: Invocation) {
     if index >= arrayLength(&rays) {
         return;
     }
-    let is_certain = is_certain_hit(rays[index], true);
+    let is_certain = is_certain_hit(index, true);
     found[index] = u32(best_number != NONE);
     if !is_certain {
         list(index);

@@ -84,8 +84,15 @@ var<private> best_at: u32;
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// Finds the closest hit, or any hit: `best_number`, `best_instance` and `best_at`. Returns whether the answer is certain.
-fn is_certain_hit(ray: Ray, any: bool) -> bool {
+/// A ray of the kernel's `rays`, read again. In an instance its seven numbers would wait in registers for the way out: RADV gfx1100 takes 84 vector registers so,
+/// and 120 otherwise. Compilers keep what they know to be in a buffer still, so they must not see that the sum is `index`: no iteration has a number of 32 bits.
+fn ray_again(index: u32) -> Ray {
+    return rays[index + (iterations >> 31u)];
+}
+
+/// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the answer is certain.
+fn is_certain_hit(index: u32, any: bool) -> bool {
+    let ray = rays[index];
     var word = enter_top(ray);
     limit_in_instance = scaled_t(ray.t_max);
     best_last = comparable(limit_in_instance);
@@ -115,7 +122,7 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
             pending.y = 0u;
             is_in_instance = true;
             n_top_level = n_entries;
-            word = enter_instance_leaf(ray, word);
+            word = enter_instance_leaf(ray_again(index), word);
             limit_in_instance = scaled_t(best_last);
             octant = octant_of_space();
         }
@@ -140,7 +147,7 @@ fn is_certain_hit(ray: Ray, any: bool) -> bool {
             if HAS_INSTANCES && is_in_instance && n_entries == n_top_level {
                 is_in_instance = false;
                 n_top_level = 0u;
-                enter_top(ray);
+                enter_top(ray_again(index));
                 limit_in_instance = scaled_t(best_last);
                 octant = octant_of_space();
             }

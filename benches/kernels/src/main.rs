@@ -86,7 +86,8 @@ fn rows(driver: &Driver, family: &str) -> Result<Vec<Row>, String> {
 fn row(driver: &Driver, family: &str, kernel: ShaderName, chosen: &Variant) -> Result<Option<Row>, String> {
     let in_kernel = |error: &dyn std::fmt::Display| format!("kernel '{kernel}', {}: {error}", name(chosen));
     let shader = Shader::new(kernel, chosen).map_err(|error| in_kernel(&error))?;
-    let by_driver = |entry: &&Entry| entry.bindings.iter().any(|bound| bound.kind == BindingKind::AccelerationStructure);
+    let by_driver =
+        |entry: &&Entry| entry.bindings.iter().any(|bound| bound.kind == BindingKind::AccelerationStructure);
     let Some(entry) = shader.entry("main").filter(|entry| !by_driver(entry)) else { return Ok(None) };
     let words = shader.spirv().map_err(|error| in_kernel(&error))?;
     let compiled = driver.compile(&words, entry).map_err(|error| in_kernel(&error))?;

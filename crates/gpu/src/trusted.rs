@@ -5,7 +5,7 @@
 //! What is proved, of the kernels of [`PROVED`]:
 //!
 //! * *Rays and answers*: an invocation without a ray returns first, by `arrayLength` of the rays; so does one whose list of rays ends before, by the length of the
-//!   list, or names a ray that is not there. The host refuses fewer answers than rays, and lists of undecided rays with room for fewer than are traced
+//!   list, or names a ray that is not there. `ray_again` reads the same ray, because iterations are bounded. The host refuses fewer answers than rays, and lists of undecided rays with room for fewer than are traced
 //!   (`trace/query`, `trace/stream`). The rows of a curve are those that the host wrote for its record (`trace/leaf_curves`).
 //! * *Nodes, triangles, instances*: a BVH of the CPU is checked when it is built or loaded, so its words refer to its own nodes and triangles; nodes
 //!   that the device builds are numbered from the sorted codes alone, whatever the vertices are. The top level refers to the uploaded instances.
