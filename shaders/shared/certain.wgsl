@@ -84,13 +84,15 @@ var<private> best_at: u32;
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// A ray of the kernel's `rays`, read again. In an instance its seven numbers would wait in registers for the way out: RADV gfx1100 takes 84 vector registers so,
-/// and 120 otherwise. Compilers keep what they know to be in a buffer still, so they must not see that the sum is `index`: no iteration has a number of 32 bits.
+/// A ray of the kernel's `rays`, read again. Otherwise it waits in registers while the traversal is in an instance: RADV gfx1100 then takes 120
+/// vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`: iterations have
+/// less than 32 bits.
 fn ray_again(index: u32) -> Ray {
     return rays[index + (iterations >> 31u)];
 }
 
-/// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the answer is certain.
+/// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the answer
+/// is certain.
 fn is_certain_hit(index: u32, any: bool) -> bool {
     let ray = rays[index];
     var word = enter_top(ray);

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use canted_shaders::{
     BindingKind, MAX_STORAGE_BUFFERS, MODULE_BUFFERS, ModuleOptions, Shader, ShaderName, ShaderStage, Variant, choice,
-    kernels, lint, traversal_module, variants, wgsl,
+    driver_module, kernels, lint, traversal_module, variants, wgsl,
 };
 
 /// Limits that every device supports: the defaults of WebGPU, except for storage buffers.
@@ -128,6 +128,32 @@ fn a_kernel_includes_the_module_of_every_structure() {
         let text = format!("{module}{other}{counts}{USER}");
         naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
     }
+}
+
+/// A kernel whose rays the driver traces, with names that the module also has inside.
+const OF_DRIVER: &str = "
+@group(0) @binding(0) var<storage, read> driver_scene: array<rt_Ray>;
+@group(0) @binding(1) var<storage, read_write> answers: array<rt_Hit>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let ray = rt_ray(driver_scene[id.x].origin, vec3<f32>(1.0), 9.0);
+    if !rt_occluded(ray) && !rt_occluded_masked(ray, 3u) || rt_is_incomplete {
+        answers[id.x] = rt_closest_hit_masked(ray, 2u);
+    } else {
+        answers[id.x] = rt_closest_hit(ray);
+    }
+}
+";
+
+#[test]
+fn a_kernel_includes_the_module_of_the_driver() {
+    let text = driver_module(1, "rt_").unwrap() + OF_DRIVER;
+    let parsed = naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+    let valid =
+        |capabilities| naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities).validate(&parsed);
+    valid(naga::valid::Capabilities::RAY_QUERY).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+    assert!(valid(naga::valid::Capabilities::empty()).is_err(), "it needs ray queries");
+    assert!(driver_module(1, "_").is_err());
 }
 
 #[test]

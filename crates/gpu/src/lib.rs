@@ -93,7 +93,7 @@
 //!
 //! # Limits
 //!
-//! No optional `wgpu` feature is required.
+//! No optional `wgpu` feature is required. Only [`Source::DriverRayQueries`] needs one, `EXPERIMENTAL_RAY_QUERY`, which [`Gpu::with_ray_queries`] asks for.
 //!
 //! | limit of the device | required |
 //! |---|---|
@@ -179,6 +179,7 @@
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
 //!   another, and no subgroup size is assumed.
 //! * Without an adapter [`Gpu::open`] returns an error. A software driver counts as an adapter.
+//! * None of this holds for hits of [`Source::DriverRayQueries`]: they are those of the driver.
 //!
 //! # In browsers
 //!
