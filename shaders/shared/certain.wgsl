@@ -84,18 +84,34 @@ var<private> best_at: u32;
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// A ray of the kernel's `rays`, read again. Otherwise it waits in registers while the traversal is in an instance: RADV gfx1100 then takes 120
-/// vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`: iterations have
-/// less than 32 bits.
+/// A ray of the kernel's `rays`, read again on the way out of an instance. Otherwise it waits in registers meanwhile: RADV gfx1100 then takes
+/// 120 vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`: iterations
+/// have less than 32 bits.
 fn ray_again(index: u32) -> Ray {
     return rays[index + (iterations >> 31u)];
+}
+
+/// Enters the top level, or the only one. No triangles are tested in a top level, so `shear` keeps the ray there.
+fn enter_top_level(ray: Ray) -> u32 {
+    let root = enter_top(ray);
+    if HAS_INSTANCES {
+        shear.origin = ray.origin;
+        shear.factors = ray.direction.xy;
+        shear.depth = ray.direction.z;
+    }
+    return root;
+}
+
+/// The ray that entered the top level, without its end.
+fn ray_of_top_level(t_min: f32) -> Ray {
+    return Ray(shear.origin, t_min, vec3<f32>(shear.factors, shear.depth), FAR);
 }
 
 /// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the answer
 /// is certain.
 fn is_certain_hit(index: u32, any: bool) -> bool {
     let ray = rays[index];
-    var word = enter_top(ray);
+    var word = enter_top_level(ray);
     limit_in_instance = scaled_t(ray.t_max);
     best_last = comparable(limit_in_instance);
     best_first = best_last;
@@ -124,7 +140,7 @@ fn is_certain_hit(index: u32, any: bool) -> bool {
             pending.y = 0u;
             is_in_instance = true;
             n_top_level = n_entries;
-            word = enter_instance_leaf(ray_again(index), word);
+            word = enter_instance_leaf(ray_of_top_level(ray.t_min), word);
             limit_in_instance = scaled_t(best_last);
             octant = octant_of_space();
         }
@@ -149,7 +165,7 @@ fn is_certain_hit(index: u32, any: bool) -> bool {
             if HAS_INSTANCES && is_in_instance && n_entries == n_top_level {
                 is_in_instance = false;
                 n_top_level = 0u;
-                enter_top(ray_again(index));
+                enter_top_level(ray_again(index));
                 limit_in_instance = scaled_t(best_last);
                 octant = octant_of_space();
             }
