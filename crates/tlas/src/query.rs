@@ -7,13 +7,11 @@ use canted_trace::{
 use canted_wide::Order;
 
 use crate::placement::Placement;
+use crate::top::Entered;
 use crate::{Motion, Tlas};
 
 /// Appends what a ray finds on one instance.
 type TraceInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64], &mut Vec<Hit>) + 'a;
-
-/// Enters an instance at or before the scaled `t`; returns the new one.
-pub(crate) type EnterInstance<'a> = dyn FnMut(InstanceId, f32) -> f32 + 'a;
 
 /// Visits an instance that a ray may hit.
 type VisitInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64]) + 'a;
@@ -62,14 +60,12 @@ impl<B: Intersect> Intersect for Tlas<B> {
 
     fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
         let ray = WorldRay::new(ray);
-        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
-        self.closest(&ray, query, bottom, |enter| self.top.traverse(&ray, Order::Nearest, top, enter))
+        self.closest(&ray, query, stack.split_at_mut(self.top.stack_len()), (&self.top, &ray))
     }
 
     fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         let ray = WorldRay::new(ray);
-        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
-        self.any(&ray, query, bottom, |enter| self.top.traverse(&ray, Order::Any, top, enter))
+        self.any(&ray, query, stack.split_at_mut(self.top.stack_len()), (&self.top, &ray))
     }
 
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
@@ -171,19 +167,18 @@ impl<B: Triangles> Tlas<B> {
 }
 
 impl<B: Intersect> Tlas<B> {
-    /// The closest hit of a ray; `traverse` calls its argument with each instance that the ray may hit, nearer ones first, as
-    /// `Top::traverse`.
+    /// The closest hit of a ray, with memory for the top level and for those below.
     #[inline(always)]
     pub(crate) fn closest(
         &self,
         ray: &WorldRay,
         query: &mut dyn Query,
-        bottom: &mut [u64],
-        traverse: impl FnOnce(&mut EnterInstance) -> u32,
+        (top, bottom): (&mut [u64], &mut [u64]),
+        entered: impl Entered,
     ) -> Option<Hit> {
         // With its scaled `t`, which is exact.
         let mut best: Option<(f64, Hit)> = None;
-        let n_boxes = traverse(&mut |instance, t_max| {
+        let n_boxes = entered.each(Order::Nearest, top, |instance, t_max| {
             let mut made = None;
             let Some((blas, placement)) = self.seen(instance, ray, &mut made) else { return t_max };
             let limit = best.map_or(ray.t_max, |(t, _)| t);
@@ -214,11 +209,11 @@ impl<B: Intersect> Tlas<B> {
         &self,
         ray: &WorldRay,
         query: &mut dyn Query,
-        bottom: &mut [u64],
-        traverse: impl FnOnce(&mut EnterInstance) -> u32,
+        (top, bottom): (&mut [u64], &mut [u64]),
+        entered: impl Entered,
     ) -> bool {
         let mut found = false;
-        let n_boxes = traverse(&mut |instance, t_max| {
+        let n_boxes = entered.each(Order::Any, top, |instance, t_max| {
             let mut made = None;
             let Some((blas, placement)) = self.seen(instance, ray, &mut made) else { return t_max };
             found = match self.motion(instance) {
@@ -286,7 +281,7 @@ impl<B: Intersect> Tlas<B> {
     pub fn each_entered(&self, ray: &ScaledRay, stack: &mut [u64], visit: &mut VisitInstance<B>) -> u32 {
         let ray = WorldRay::new(ray);
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
-        self.top.traverse(&ray, Order::Any, top, &mut |instance, t_max| {
+        self.top.traverse(&ray, Order::Any, top, |instance, t_max| {
             if let Some((blas, object)) = self.enter(instance, &ray) {
                 visit(blas, &object, instance, bottom);
             }

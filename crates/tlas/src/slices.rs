@@ -4,7 +4,7 @@
 //! after scaling: the others are traced one by one.
 
 use canted_trace::{Answers, Hit, Intersect, Ray, ScaledRay, WorldRay, answer_one_by_one, with_stack};
-use canted_wide::{Order, Prepared, PreparedRays};
+use canted_wide::{Prepared, PreparedRays};
 
 use crate::Tlas;
 use crate::top::{PreparedRay, SingleClass};
@@ -21,7 +21,7 @@ impl<B: Intersect> Tlas<B> {
         let alone = |ray: &ScaledRay, stack: &mut [u64]| self.closest_hit_scaled(ray, &mut (), stack);
         self.each_of_slice(&top, rays, hits, alone, |prepared, top_stack, bottom| {
             let ray = WorldRay::new(prepared.ray);
-            self.closest(&ray, &mut (), bottom, |enter| top.traverse(prepared, Order::Nearest, top_stack, enter))
+            self.closest(&ray, &mut (), (top_stack, bottom), (&top, prepared))
         });
     }
 
@@ -33,7 +33,7 @@ impl<B: Intersect> Tlas<B> {
         let alone = |ray: &ScaledRay, stack: &mut [u64]| self.occluded_scaled(ray, &mut (), stack);
         self.each_of_slice(&top, rays, occluded, alone, |prepared, top_stack, bottom| {
             let ray = WorldRay::new(prepared.ray);
-            self.any(&ray, &mut (), bottom, |enter| top.traverse(prepared, Order::Any, top_stack, enter))
+            self.any(&ray, &mut (), (top_stack, bottom), (&top, prepared))
         });
     }
 

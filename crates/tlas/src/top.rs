@@ -348,12 +348,13 @@ impl Top {
     /// `enter` gets the scaled `t_max` and returns the new one; a negative value ends the traversal. The entry `t` of a box
     /// is at most that of any hit on its instance, and boxes with an entry `<= t_max` are visited, so `enter` receives all
     /// hits of equal `t`.
+    #[inline]
     pub(crate) fn traverse(
         &self,
         ray: &WorldRay<'_>,
         order: Order,
         stack: &mut [u64],
-        enter: &mut dyn FnMut(InstanceId, f32) -> f32,
+        mut enter: impl FnMut(InstanceId, f32) -> f32,
     ) -> u32 {
         let ([t_min, t_max], &ScaledRay { origin, direction, time, mask, .. }) = (ray.interval(), ray.ray);
         let moved = Ray { origin: self.reference.moved(origin), direction, t_min, t_max, time, mask };
@@ -361,7 +362,7 @@ impl Top {
         let mut n_boxes = 0;
         for class in &self.classes {
             let mut t_max = ray.t_max;
-            n_boxes += class.traverse(&ray, order, stack, &mut |instance, limit| {
+            n_boxes += class.traverse(&ray, order, stack, |instance, limit| {
                 t_max = enter(instance, limit);
                 t_max
             });
@@ -371,6 +372,26 @@ impl Top {
             ray.t_max = t_max;
         }
         n_boxes
+    }
+}
+
+/// The instances that a ray may hit: those of a top level, or of one for rays that are prepared together.
+pub(crate) trait Entered {
+    /// [`Top::traverse`]. Not for a `dyn` function: calls of one in another would take as long as a node.
+    fn each(self, order: Order, stack: &mut [u64], enter: impl FnMut(InstanceId, f32) -> f32) -> u32;
+}
+
+impl Entered for (&Top, &WorldRay<'_>) {
+    #[inline(always)]
+    fn each(self, order: Order, stack: &mut [u64], enter: impl FnMut(InstanceId, f32) -> f32) -> u32 {
+        self.0.traverse(self.1, order, stack, enter)
+    }
+}
+
+impl Entered for (&SingleClass<'_>, &PreparedRay<'_>) {
+    #[inline(always)]
+    fn each(self, order: Order, stack: &mut [u64], enter: impl FnMut(InstanceId, f32) -> f32) -> u32 {
+        self.0.traverse(self.1, order, stack, enter)
     }
 }
 
@@ -419,7 +440,7 @@ impl SingleClass<'_> {
         &PreparedRay { of, i, t_max, .. }: &PreparedRay<'_>,
         order: Order,
         stack: &mut [u64],
-        enter: &mut dyn FnMut(InstanceId, f32) -> f32,
+        mut enter: impl FnMut(InstanceId, f32) -> f32,
     ) -> u32 {
         let mut visit = |PrimId(number), t_max| enter(InstanceId(self.class.id(number)), t_max);
         self.bvh.traverse_prepared((of, i, t_max), order, stack, &mut visit)
@@ -689,12 +710,13 @@ impl Class {
     }
 
     /// [`Top::traverse`] in the class; the ray is relative to the reference point.
+    #[inline]
     fn traverse(
         &self,
         ray: &ScaledRay,
         order: Order,
         stack: &mut [u64],
-        enter: &mut dyn FnMut(InstanceId, f32) -> f32,
+        mut enter: impl FnMut(InstanceId, f32) -> f32,
     ) -> u32 {
         let mut enter = |number: u32, t_max| enter(InstanceId(self.id(number)), t_max);
         let error = self.error(ray);

@@ -145,11 +145,7 @@ impl<'a> WorldRay<'a> {
     pub fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
         let [dx, dy, dz] = direction;
         let greatest = greatest([dx.abs(), dy.abs(), dz.abs()]);
-        let mut to_object = power_below(greatest);
-        // Rounding may reach 2; the greatest component is then 1.
-        if (greatest * reciprocal_of_power(to_object)) as f32 >= 2.0 {
-            to_object *= 2.0;
-        }
+        let to_object = power_below_rounded(greatest);
         let to_world = reciprocal_of_power(to_object);
         let [x, y, z] = origin;
         let origin = [x as f32, y as f32, z as f32];
@@ -172,6 +168,15 @@ impl<'a> WorldRay<'a> {
     pub fn caller_t(&self, scaled_t: f64) -> f32 {
         (scaled_t * self.from_scaled) as f32
     }
+}
+
+/// The power of two at or below a positive normal number once that is rounded to the digits of an `f32`.
+///
+/// Half a last digit of an `f32` is added to the bits, which carries into the exponent where rounding does: of two nearest ones the power of two is even.
+#[inline(always)]
+fn power_below_rounded(x: f64) -> f64 {
+    const HALF_DIGIT: u64 = 1 << (f64::MANTISSA_DIGITS - f32::MANTISSA_DIGITS - 1);
+    power_below(f64::from_bits(x.to_bits() + HALF_DIGIT))
 }
 
 /// A world-space ray, and the instance that it enters.
@@ -246,5 +251,29 @@ impl ObjectRay {
         find: impl FnOnce(&ScaledRay, &mut dyn Query) -> bool,
     ) -> bool {
         self.ask(query, instance, |query| find(&self.ray, query))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounded_numbers_have_the_power_of_two_of_their_f32() {
+        let mut n_carried = 0;
+        for exponent in [-131, -1, 0, 100] {
+            let power = 2_f64.powi(exponent);
+            // Around 2 - 2^-24, which is as far from both nearest numbers.
+            for steps in -3_i64..=3 {
+                let x = f64::from_bits((power * (2.0 - 2_f64.powi(-24))).to_bits().wrapping_add_signed(steps));
+                let rounded = f64::from((x / power) as f32) * power;
+                assert_eq!(power_below_rounded(x), power_below(rounded), "{x:e}");
+                n_carried += usize::from(power_below(x) != power_below(rounded));
+            }
+            for x in [power, 1.5 * power, (power * 2.0).next_down(), power.next_up()] {
+                assert_eq!(power_below_rounded(x), power_below(f64::from((x / power) as f32) * power), "{x:e}");
+            }
+        }
+        assert_eq!(n_carried, 16);
     }
 }

@@ -57,7 +57,7 @@ impl Shear {
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
         let axis = Axis::from_greatest(ray.direction, f32::abs);
-        let [d_x, d_y, d_z] = axis.permute_by_bits(ray.direction);
+        let [d_x, d_y, d_z] = axis.permute_by_index(ray.direction);
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
@@ -192,17 +192,14 @@ impl Axis {
         INDICES[self as usize]
     }
 
-    /// [`Axis::permute`] of numbers in registers, without a branch: where a vector is indexed it has to be in memory, and what was just written number by
-    /// number is not read as a whole before all of it has arrived.
+    /// [`Axis::permute`] of numbers in registers, without a branch: a copy is indexed in memory, so that the vector itself stays in registers.
     #[doc(hidden)]
     #[inline(always)]
     #[must_use]
-    pub fn permute_by_bits(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
-        let mask = |axis: Self| u32::from(self == axis).wrapping_neg();
-        let (is_x, is_y, is_z) = (mask(Self::X), mask(Self::Y), mask(Self::Z));
-        let [x, y, z] = [x.to_bits(), y.to_bits(), z.to_bits()];
-        let pick = |of_x: u32, of_y: u32, of_z: u32| f32::from_bits(of_x & is_x | of_y & is_y | of_z & is_z);
-        [pick(y, z, x), pick(z, x, y), pick(x, y, z)]
+    pub fn permute_by_index(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let copy = [x, y, z, 0.0];
+        let [i, j, k] = self.indices();
+        [copy[i & 3], copy[j & 3], copy[k & 3]]
     }
 
     /// The components permuted cyclically so that this axis is last.
@@ -222,12 +219,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_permute_alike_by_bits_and_by_index() {
+    fn axes_permute_alike_with_and_without_branches() {
         for v in [[1.0, -2.0, 3.5], [-0.0, f32::MIN_POSITIVE, f32::MAX], [1e-45, f32::INFINITY, 0.0]] {
             for axis in [Axis::X, Axis::Y, Axis::Z] {
                 let [x, y, z] = axis.indices();
                 let want = [v[x], v[y], v[z]].map(f32::to_bits);
-                assert_eq!(axis.permute_by_bits(v).map(f32::to_bits), want, "{axis:?}");
+                assert_eq!(axis.permute_by_index(v).map(f32::to_bits), want, "{axis:?}");
                 assert_eq!(axis.permute(v).map(f32::to_bits), want, "{axis:?}");
             }
         }

@@ -236,7 +236,7 @@ impl Task for TraverseBoxes<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, ray, error, order, stack, visit } = self;
-        let numbers = RayNumbers::within(ray, &bvh.frame, error);
+        let numbers = RayNumbers::within(simd, ray, &bvh.frame, error);
         visit_leaves(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), order, stack, visit)
     }
 }

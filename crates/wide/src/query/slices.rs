@@ -5,7 +5,7 @@
 
 use canted_trace::{Accept, AcceptAt, Answers, Hit, Query, Ray, ScaledRay};
 
-use super::pass::{PADS, TriangleLeaves, pass_hits};
+use super::pass::{PADS, PassHits, TriangleLeaves};
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, Visits};
 use crate::bvh::TriangleBvh;
 use crate::node::HalfBlock;
@@ -132,7 +132,7 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
                     continue;
                 }
                 let mut sink = A::sink::<PLAIN>(&mut filter);
-                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut sink);
+                simd.run(PassHits::<_, true> { bvh, ray: &ray, sink: &mut sink, stack });
                 *answer = A::of(sink, &ray.scaled);
             }
             if let Way::Counted = way {
@@ -169,6 +169,9 @@ const COUNTED: u32 = 32;
 const FIRST_PAUSE: u32 = 15;
 const LONGEST_PAUSE: u32 = 63;
 
+/// Groups that walk alone after rays that pass beside everything, before the next are counted.
+const IDLE: u32 = 3;
+
 /// Which rays of a slice walk together.
 struct Plan {
     is_possible: bool,
@@ -199,8 +202,7 @@ impl Plan {
             self.waits -= 1;
             return Way::Alone;
         }
-        // Rays beside everything take less than any group.
-        if self.age > COUNTED || self.work_alone <= OVERHEAD {
+        if self.age > COUNTED || self.is_idle() {
             self.age = 0;
             return Way::Counted;
         }
@@ -227,6 +229,15 @@ impl Plan {
             self.wait_after_losses();
         }
         (self.work_alone, self.age) = (work, 0);
+        if self.is_idle() {
+            self.waits = self.waits.max(IDLE);
+        }
+    }
+
+    /// Whether rays pass beside everything, which takes less than any group.
+    #[inline(always)]
+    fn is_idle(&self) -> bool {
+        self.work_alone <= OVERHEAD
     }
 
     #[inline(always)]
@@ -346,7 +357,7 @@ impl Task for AllOfSlice<'_> {
             if let Some(ray) = eight.ray(lane, given) {
                 let mut all = AllHits::new(&mut filter, hits);
                 all.may_reject = accept.is_some();
-                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut all);
+                simd.run(PassHits::<_, true> { bvh, ray: &ray, sink: &mut all, stack });
                 all.finish(&ray.scaled);
             }
             if let Answers::Lists(lists) = &mut answers {

@@ -34,10 +34,10 @@ impl<S: Simd> RayTriangles<S> {
     pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
         let shear = Shear::new(ray);
         let rows = shear.axis().indices();
-        let direction = shear.axis().permute_by_bits(ray.direction);
+        let direction = shear.axis().permute_by_index(ray.direction);
         let [s_x, s_y] = shear.factors();
         Self {
-            origin: splat3(simd, shear.axis().permute_by_bits(ray.origin)),
+            origin: splat3(simd, shear.axis().permute_by_index(ray.origin)),
             shear: [simd.splat(s_x), simd.splat(s_y)],
             recip_z: simd.splat(1.0 / direction[2]),
             zero: simd.splat(0.0),

@@ -1,7 +1,7 @@
-use canted_trace::{MIN_DIRECTION, Ray, ScaledRay};
+use canted_trace::{Ray, ScaledRay};
 
-use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay};
-use crate::simd::{AvailablePath, Simd, Task};
+use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay, reciprocal_and_toward};
+use crate::simd::{AvailablePath, Scalar, Simd, Task};
 
 /// Up to eight rays, prepared at once: each row holds one number of each.
 ///
@@ -89,7 +89,7 @@ impl EightRays {
             self.beyond &= self.beyond - 1;
             match rays.get(i).and_then(ScaledRay::new) {
                 Some(ray) => {
-                    self.set(i, &ray, &RayNumbers::relative(&ray, frame, pads));
+                    self.set(i, &ray, &RayNumbers::relative(Scalar, &ray, frame, pads));
                 }
                 None => self.valid &= !(1 << i),
             }
@@ -146,9 +146,7 @@ impl EightRays {
         self.along = [simd.store(o[0]), simd.store(o[1]), simd.store(o[2])];
         let numbers = &mut self.numbers;
         for k in 0..3 {
-            let d = simd.add(d[k], zero);
-            let r = simd.xor_sign(simd.div(one, simd.max(simd.abs(d), simd.splat(MIN_DIRECTION))), d);
-            let toward = simd.xor_sign(toward, d);
+            let (r, toward) = reciprocal_and_toward(simd, d[k], toward);
             numbers.recip[k] = simd.store(r);
             numbers.near[k] = simd.store(simd.mul(simd.add(o[k], toward), r));
             numbers.far[k] = simd.store(simd.mul(simd.sub(o[k], toward), r));

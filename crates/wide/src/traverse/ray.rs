@@ -1,9 +1,9 @@
 use canted_obb::round::greatest;
-use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
+use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U};
 use canted_trace::{MIN_DIRECTION, ReferencePoint, ScaledRay};
 
 use crate::node::NodeKind;
-use crate::simd::Simd;
+use crate::simd::{Scalar, Simd};
 
 /// Padding of box tests, relative to `|o|∞` on the side of the ray and to the reach of the content on that of the box, both from the
 /// reference point; or the ray's part in units of the space. Derived in `traverse`.
@@ -128,25 +128,23 @@ pub(crate) struct RayNumbers<N> {
 }
 
 impl RayNumbers<f32> {
-    /// The numbers of `ray` from `moved`, its origin relative to the reference point, thickened by `pads` in units of the space.
+    /// The numbers of `ray` from `moved`, its origin relative to the reference point, thickened by `pads` in units of the space. Axes are lanes.
+    ///
+    /// The origin is moved toward the near plane and away from the far one, so for a negative direction it is lowered for the near plane, which is the
+    /// upper one.
     ///
     /// Not of a moved copy of the ray: what was just written number by number is not read as a whole before all of it has arrived.
     #[inline(always)]
-    pub(crate) fn new(ray: &ScaledRay, moved: [f32; 3], frame: &MeshFrame, pads: &Pads) -> Self {
+    fn new<S: Simd>(simd: S, ray: &ScaledRay, moved: [f32; 3], frame: &MeshFrame, pads: &Pads) -> Self {
         let (origin, direction, pad) = if frame.is_identity {
             (moved, ray.direction, pads.aligned)
         } else {
             (frame.rotate(moved), frame.rotate(ray.direction), pads.rotated)
         };
-        // Component by component: arrays that loops fill stay in memory, and reading them in lanes has to wait for the stores.
-        let [x, y, z] = direction;
-        let recip = [reciprocal(x), reciprocal(y), reciprocal(z)];
-        let [[near_x, far_x], [near_y, far_y], [near_z, far_z]] = [
-            entry_and_exit(origin[0], recip[0], pad),
-            entry_and_exit(origin[1], recip[1], pad),
-            entry_and_exit(origin[2], recip[2], pad),
-        ];
-        let (near, far) = ([near_x, near_y, near_z], [far_x, far_y, far_z]);
+        let (o, d) = (axes(simd, origin), axes(simd, direction));
+        let (recip, toward) = reciprocal_and_toward(simd, d, simd.splat(pad));
+        let (near, far) = (simd.mul(simd.add(o, toward), recip), simd.mul(simd.sub(o, toward), recip));
+        let (recip, near, far) = (of_axes(simd, recip), of_axes(simd, near), of_axes(simd, far));
         let Pads { oriented: pad_oriented, .. } = *pads;
         let &ScaledRay { direction, t_min, .. } = ray;
         Self { recip, near, far, t_min, origin: moved, direction, pad_oriented }
@@ -154,25 +152,38 @@ impl RayNumbers<f32> {
 
     /// The numbers of a ray with its part of these relative pads.
     #[inline(always)]
-    pub(crate) fn relative(ray: &ScaledRay, frame: &MeshFrame, pads: Pads) -> Self {
+    pub(crate) fn relative<S: Simd>(simd: S, ray: &ScaledRay, frame: &MeshFrame, pads: Pads) -> Self {
         let moved = frame.reference.moved(ray.origin);
-        Self::new(ray, moved, frame, &pads.along(moved))
+        Self::new(simd, ray, moved, frame, &pads.along(moved))
     }
 
     /// The numbers of a ray that enters boxes which lie within `error` of a hit, in units of the space.
     #[inline(always)]
-    pub(crate) fn within(ray: &ScaledRay, frame: &MeshFrame, error: f64) -> Self {
+    pub(crate) fn within<S: Simd>(simd: S, ray: &ScaledRay, frame: &MeshFrame, error: f64) -> Self {
         let moved = frame.reference.moved(ray.origin);
-        Self::new(ray, moved, frame, &Pads::within(error, moved))
+        Self::new(simd, ray, moved, frame, &Pads::within(error, moved))
     }
 }
 
-/// The origin's part of the near and of the far plane's distance: the origin is moved toward the near plane and away from it, so
-/// for a negative direction it is lowered for the near plane, which is the upper one.
+/// `1/d`, bounded, the same for both zeros; and how far the origin moves toward near planes.
 #[inline(always)]
-fn entry_and_exit(origin: f32, recip: f32, pad: f32) -> [f32; 2] {
-    let toward = pad.copysign(recip);
-    [(origin + toward) * recip, (origin - toward) * recip]
+pub(super) fn reciprocal_and_toward<S: Simd>(simd: S, d: S::F, pad: S::F) -> (S::F, S::F) {
+    // Adding zero makes -0.0 positive.
+    let d = simd.add(d, simd.splat(0.0));
+    let size = simd.max(simd.abs(d), simd.splat(MIN_DIRECTION));
+    (simd.xor_sign(simd.div(simd.splat(1.0), size), d), simd.xor_sign(pad, d))
+}
+
+/// A vector in the first three lanes; ones in the others.
+#[inline(always)]
+fn axes<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> S::F {
+    simd.load(&[x, y, z, 1.0, 1.0, 1.0, 1.0, 1.0])
+}
+
+#[inline(always)]
+fn of_axes<S: Simd>(simd: S, v: S::F) -> [f32; 3] {
+    let [x, y, z, ..] = simd.store(v);
+    [x, y, z]
 }
 
 /// A ray as the node tests use it: every number in all lanes.
@@ -223,13 +234,13 @@ impl TracedRay {
     /// A ray with its part of these relative pads.
     #[inline(always)]
     pub(crate) fn new(ray: &ScaledRay, frame: &MeshFrame, pads: Pads) -> Self {
-        Self { scaled: *ray, numbers: RayNumbers::relative(ray, frame, pads) }
+        Self { scaled: *ray, numbers: RayNumbers::relative(Scalar, ray, frame, pads) }
     }
 
     /// A ray that enters boxes which lie within `error` of a hit, in units of the space.
     #[inline(always)]
     pub(crate) fn within(ray: &ScaledRay, frame: &MeshFrame, error: f64) -> Self {
-        Self { scaled: *ray, numbers: RayNumbers::within(ray, frame, error) }
+        Self { scaled: *ray, numbers: RayNumbers::within(Scalar, ray, frame, error) }
     }
 }
 
