@@ -54,14 +54,18 @@ impl<B: Intersect> Tlas<B> {
                 let is_prepared = top.prepare(rays, &mut eight);
                 for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
                     let prepared = if is_prepared { eight.ray(i, given) } else { Prepared::Alone };
-                    *answer = match prepared {
-                        Prepared::Misses => A::default(),
-                        Prepared::Alone => ScaledRay::new(given).map_or_else(A::default, |ray| alone(&ray, stack)),
+                    // Not an answer of all three, which would be in memory first: what is written in parts is read as a whole only once it has arrived.
+                    match prepared {
+                        Prepared::Misses => *answer = A::default(),
+                        Prepared::Alone => {
+                            *answer = ScaledRay::new(given).map_or_else(A::default, |ray| alone(&ray, stack));
+                        }
                         Prepared::Ray(ray, t_max) => {
                             let (top_stack, bottom) = stack.split_at_mut(top.stack_len());
-                            together(&PreparedRay { ray: &ray, of: &eight, i, t_max }, top_stack, bottom)
+                            let prepared = PreparedRay { ray: &ray, of: &eight, i, t_max };
+                            *answer = together(&prepared, top_stack, bottom);
                         }
-                    };
+                    }
                 }
             }
         });

@@ -144,16 +144,16 @@ impl<'a> WorldRay<'a> {
     #[must_use]
     pub fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
         let [dx, dy, dz] = direction;
-        let greatest = greatest([dx.abs(), dy.abs(), dz.abs()]);
-        let to_object = power_below_rounded(greatest);
+        let to_object = power_below_rounded(greatest([dx.abs(), dy.abs(), dz.abs()]));
         let to_world = reciprocal_of_power(to_object);
         let [x, y, z] = origin;
         let origin = [x as f32, y as f32, z as f32];
         let direction = [(dx * to_world) as f32, (dy * to_world) as f32, (dz * to_world) as f32];
         // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval.
         let (t_min, t_max) = (magnitude_up(self.t_min * to_object), magnitude_down(t_max * to_object));
-        let is_finite = origin[0].is_finite() & origin[1].is_finite() & origin[2].is_finite();
-        if !((t_min <= t_max) & is_finite) {
+        // No component is NaN.
+        let reach = greatest([origin[0].abs(), origin[1].abs(), origin[2].abs()]);
+        if !((t_min <= t_max) & (reach < f32::INFINITY)) {
             return None;
         }
         let &ScaledRay { time, mask, .. } = self.ray;

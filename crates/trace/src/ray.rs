@@ -92,6 +92,9 @@ pub struct ScaledRay {
     to_scaled: f64,
 }
 
+/// The least power of two whose reciprocal is no normal `f32`, 2^127.
+const BEYOND: f32 = f32::from_bits(254 << 23);
+
 impl ScaledRay {
     /// Scales `ray`. `None` for a ray that cannot hit: a zero direction, a component that is not finite, or an empty
     /// interval.
@@ -112,12 +115,31 @@ impl ScaledRay {
         let &Ray { origin, direction, t_min, time, mask, .. } = ray;
         let t_max = ray.t_max.min(f32::MAX);
         let interval = [t_min, t_max];
-        // As instances pass rays on: nothing to scale.
-        if (1.0..2.0).contains(&greatest) {
-            return Some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled: 1.0 });
-        }
         let to_scaled = power_below(greatest.into());
+        // As instances pass rays on: nothing to scale.
+        if to_scaled == 1.0 {
+            return Some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled });
+        }
+        // Most rays: `f32` scales their interval without rounding, and a direction with the only rounding that `f64` has.
+        if (f32::MIN_POSITIVE..BEYOND).contains(&greatest) {
+            let (power, from_scaled) = (to_scaled as f32, reciprocal_of_power(to_scaled) as f32);
+            let (scaled_t_min, scaled_t_max) = (t_min * power, t_max * power);
+            let is_exact = (t_min == 0.0) | (f32::MIN_POSITIVE <= scaled_t_min);
+            if is_exact & (f32::MIN_POSITIVE <= scaled_t_max) & (scaled_t_min <= f32::MAX) {
+                let (t_min, t_max) = (scaled_t_min, scaled_t_max.min(f32::MAX));
+                let direction = [dx * from_scaled, dy * from_scaled, dz * from_scaled];
+                return Some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled });
+            }
+        }
+        Self::by_f64(ray, interval, to_scaled)
+    }
+
+    /// [`ScaledRay::new`] of any ray that may hit, which ends at the end of this interval.
+    #[cold]
+    fn by_f64(ray: &Ray, interval: [f32; 2], to_scaled: f64) -> Option<Self> {
+        let &Ray { origin, direction: [dx, dy, dz], time, mask, .. } = ray;
         let from_scaled = reciprocal_of_power(to_scaled);
+        let [t_min, t_max] = interval;
         let t_min = magnitude_up(f64::from(t_min) * to_scaled);
         let t_max = magnitude_down(f64::from(t_max) * to_scaled);
         let scaled = |d: f32| (f64::from(d) * from_scaled) as f32;
@@ -163,5 +185,39 @@ impl ScaledRay {
     #[must_use]
     pub fn caller_t(&self, scaled_t: f32) -> f32 {
         (f64::from(scaled_t) * reciprocal_of_power(self.to_scaled)) as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bits(ray: &ScaledRay) -> [u32; 5] {
+        let [x, y, z] = ray.direction;
+        [x, y, z, ray.t_min, ray.t_max].map(f32::to_bits)
+    }
+
+    /// Of directions and intervals around the ends of the range in which `f32` scales.
+    #[test]
+    fn rays_are_scaled_alike_by_f32_and_by_f64() {
+        let (mut n_rays, mut n_rounded) = (0, 0);
+        let ends = [0.0, 1e-45, 3e-39, f32::MIN_POSITIVE, 1e-30, 0.3, 7.0, 1e30, f32::MAX];
+        for exponent in (-149..=127).step_by(3) {
+            let size = 2_f64.powi(exponent) as f32 * 1.37;
+            let direction = [size, -size * 0.7e-38, size * 0.3];
+            for (i, &t_min) in ends.iter().enumerate() {
+                for &t_max in ends[i..].iter().chain([&f32::INFINITY]) {
+                    let ray = Ray::new([0.0; 3], direction).between(t_min, t_max);
+                    let interval = [t_min, t_max.min(f32::MAX)];
+                    let to_scaled = power_below(size.into());
+                    let (by_f32, by_f64) = (ScaledRay::new(&ray), ScaledRay::by_f64(&ray, interval, to_scaled));
+                    assert_eq!(by_f32.as_ref().map(bits), by_f64.as_ref().map(bits), "{ray:?}");
+                    n_rays += usize::from(by_f32.is_some());
+                    let is_rounded = |ray: &ScaledRay| f64::from(ray.t_min) != f64::from(t_min) * to_scaled;
+                    n_rounded += usize::from(by_f32.is_some_and(|ray| is_rounded(&ray)));
+                }
+            }
+        }
+        assert!(n_rays > 1000 && n_rounded > 100, "{n_rays} rays, {n_rounded} with a rounded end");
     }
 }

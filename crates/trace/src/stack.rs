@@ -1,30 +1,50 @@
 //! Memory for subtrees that wait, for one ray after another.
 
 #[cfg(feature = "std")]
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 
 #[cfg(feature = "std")]
 use alloc::vec::Vec;
 
-/// Entries without allocation for one level of twelve nodes' depth; a scaffold of 58,320 triangles has 7.
-const ONE_LEVEL: usize = 92;
-
-/// Entries without allocation for two such levels.
-const TWO_LEVELS: usize = 2 * ONE_LEVEL;
+/// Entries without allocation, for two levels of twelve nodes' depth each; a scaffold of 58,320 triangles has 7.
+const TWO_LEVELS: usize = 184;
 
 /// Calls `run` with at least `n` entries, whose content means nothing.
 ///
-/// Single rays need it to be cheap: up to 1.5 KiB are zeroed where they are used, because an allocation would take longer. Memory
-/// for deeper BVHs is allocated and kept for the next ray of the thread.
+/// Single rays need it to be cheap: an allocation takes as long as a ray through a few nodes, and clearing a kilobyte as long as one. So each
+/// thread keeps its memory for the next ray.
 #[inline(always)]
 pub fn with_stack<R>(n: usize, run: impl FnOnce(&mut [u64]) -> R) -> R {
-    if n <= ONE_LEVEL {
-        return run(&mut [0; ONE_LEVEL]);
-    }
-    if n <= TWO_LEVELS {
-        return run(&mut [0; TWO_LEVELS]);
-    }
-    with_allocated(n, run)
+    if n <= TWO_LEVELS { with_kept(run) } else { with_allocated(n, run) }
+}
+
+#[cfg(feature = "std")]
+std::thread_local! {
+    /// Memory for BVHs that are not deep.
+    static KEPT: RefCell<[u64; TWO_LEVELS]> = const { RefCell::new([0; TWO_LEVELS]) };
+}
+
+#[cfg(feature = "std")]
+#[inline(always)]
+fn with_kept<R>(run: impl FnOnce(&mut [u64]) -> R) -> R {
+    KEPT.with(|kept| {
+        let mut own;
+        let mut kept = kept.try_borrow_mut();
+        let entries: &mut [u64] = match &mut kept {
+            Ok(kept) => &mut kept[..],
+            // A query within another.
+            Err(_) => {
+                own = [0; TWO_LEVELS];
+                &mut own
+            }
+        };
+        run(entries)
+    })
+}
+
+#[cfg(not(feature = "std"))]
+fn with_kept<R>(run: impl FnOnce(&mut [u64]) -> R) -> R {
+    run(&mut [0; TWO_LEVELS])
 }
 
 #[cfg(feature = "std")]
@@ -65,11 +85,13 @@ mod tests {
 
     #[test]
     fn nested_stacks_share_no_memory() {
-        with_stack(200, |outer| {
-            outer.fill(1);
-            with_stack(300, |inner| inner.fill(2));
-            assert!(outer.iter().all(|&entry| entry == 1));
-        });
+        for [n_outer, n_inner] in [[200, 300], [92, 92], [184, 20], [92, 300], [300, 92]] {
+            with_stack(n_outer, |outer| {
+                outer.fill(1);
+                with_stack(n_inner, |inner| inner.fill(2));
+                assert!(outer.iter().all(|&entry| entry == 1));
+            });
+        }
         assert!(with_stack(1408, |entries| entries.len()) >= 1408);
     }
 }

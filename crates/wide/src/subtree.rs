@@ -8,7 +8,7 @@ use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
 use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeBox, NodeKind, ORIENTED_LINES, node_words, rows};
 use crate::simd::{Simd, Task};
-use crate::traverse::{LeafRange, RayLanes, TracedRay, Visitor, walk};
+use crate::traverse::{LeafRange, TracedRay, Visitor, walk};
 
 /// A node or a leaf of a [`WideBvh`], to be used with that BVH only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,8 +135,7 @@ impl<P: LeafPrimitive> Task for VisitAlong<'_, P> {
 
     #[inline(always)]
     fn on<S: Simd>(mut self, simd: S) {
-        let lanes = RayLanes::new(simd, &self.ray.numbers);
-        walk::<S, true>(simd, &self.bvh.nodes, &lanes, self.ray.scaled.t_max, self.stack, &mut self.called);
+        walk::<S, true>(simd, &self.bvh.nodes, &self.ray.numbers, self.ray.scaled.t_max, self.stack, &mut self.called);
     }
 }
 

@@ -16,7 +16,7 @@ use crate::leaf::{Closed, LeafPrimitive, Triangle};
 use crate::node::NodeKind;
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::traverse::{LeafRange, RayLanes, Visitor, walk};
+use crate::traverse::{LeafRange, Visitor, walk};
 
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 8;
@@ -157,10 +157,10 @@ impl Task for Containment<'_> {
                 answer(i, Place::Outside);
                 continue;
             };
-            let lanes = RayLanes::new(simd, &bvh.prepare(&ray).numbers);
+            let numbers = bvh.prepare(&ray).numbers;
             crossings.clear();
             let mut visit = Crossed { bvh, point, is_on_surface: false, crossings: &mut crossings };
-            walk::<S, false>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut visit);
+            walk::<S, false>(simd, &bvh.nodes, &numbers, ray.t_max, stack, &mut visit);
             let is_on_surface = visit.is_on_surface;
             // A triangle with two references crosses once.
             crossings.sort_unstable();

@@ -1,5 +1,8 @@
-//! Records in files, without a copy.
-#![cfg_attr(any(unix, windows), expect(unsafe_code, reason = "the one call that maps a file"))]
+//! Records in files, without a copy; and where records are, found once.
+#![expect(
+    unsafe_code,
+    reason = "the call that maps a file, and slices of memory that does not move; each block says why it is sound"
+)]
 
 use std::fs::File;
 use std::io;

@@ -10,7 +10,7 @@ use crate::bvh::WideBvh;
 use crate::leaf::{Primitive, is_filtered};
 use crate::node::{LeafLayout, NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
-use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayLanes, RayNumbers, TracedRay, Visitor, walk};
+use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayNumbers, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -283,11 +283,10 @@ fn visit_leaves<S: Simd>(
     stack: &mut [u64],
     visit: &mut dyn FnMut(PrimId, f32) -> f32,
 ) -> Visits {
-    let lanes = RayLanes::new(simd, numbers);
     let mut called = CalledForIds { ids, visit, visits: Visits::default() };
     match order {
-        Order::Nearest => walk::<S, true>(simd, nodes, &lanes, t_max, stack, &mut called),
-        Order::Any => walk::<S, false>(simd, nodes, &lanes, t_max, stack, &mut called),
+        Order::Nearest => walk::<S, true>(simd, nodes, numbers, t_max, stack, &mut called),
+        Order::Any => walk::<S, false>(simd, nodes, numbers, t_max, stack, &mut called),
     }
     called.visits
 }

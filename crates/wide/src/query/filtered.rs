@@ -10,9 +10,7 @@ use crate::bvh::WideBvh;
 use crate::leaf::{Primitive, Shapes, hit};
 use crate::node::NodeKind;
 use crate::simd::{Simd, Task};
-use crate::traverse::{
-    LeafRange, RayLanes, RayLine, Reached, TracedRay, VisitLane, Visitor, numbers, numbers_of_ball, walk,
-};
+use crate::traverse::{LeafRange, RayLine, Reached, TracedRay, VisitLane, Visitor, numbers, numbers_of_ball, walk};
 
 impl<P: Primitive> WideBvh<P> {
     /// Calls `visit` with the primitives of each leaf that a ray enters, of a large leaf with those whose hulls it may reach.
@@ -109,7 +107,6 @@ impl<P: Primitive, T: Test> Task for Filtered<'_, P, T> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, ray, order, stack, test } = self;
-        let lanes = RayLanes::new(simd, &ray.numbers);
         let Shapes { order: ids, primitives } = &bvh.leaves;
         let line = match P::BALL {
             Some(_) => RayLine::to_balls(simd, &ray.scaled),
@@ -118,8 +115,8 @@ impl<P: Primitive, T: Test> Task for Filtered<'_, P, T> {
         let mut leaves = Leaves { simd, ids, primitives, line, test, visits: Visits::default() };
         let t_max = ray.scaled.t_max;
         match order {
-            Order::Nearest => walk::<S, true>(simd, &bvh.nodes, &lanes, t_max, stack, &mut leaves),
-            Order::Any => walk::<S, false>(simd, &bvh.nodes, &lanes, t_max, stack, &mut leaves),
+            Order::Nearest => walk::<S, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves),
+            Order::Any => walk::<S, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves),
         }
         leaves.visits
     }

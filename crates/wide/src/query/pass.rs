@@ -7,7 +7,7 @@ use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
 use crate::simd::{Simd, Task};
-use crate::traverse::{Block, LeafRange, Pads, RayLanes, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
+use crate::traverse::{Block, LeafRange, Pads, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
 
 /// Pads for the default triangle test.
 pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
@@ -50,11 +50,10 @@ fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 ) {
     let (halves, prepared) = (&bvh.leaves.halves[..], RayTriangles::new(simd, scaled));
     let mut leaves = TriangleLeaves::<S, T, WATERTIGHT> { simd, halves, prepared, ray: scaled, sink };
-    let lanes = RayLanes::new(simd, numbers);
     if T::ORDERED {
-        walk::<S, true>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut leaves);
+        walk::<S, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     } else {
-        walk::<S, false>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut leaves);
+        walk::<S, false>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     }
 }
 

@@ -192,8 +192,8 @@ pub(crate) struct RayLanes<S: Simd> {
     pub(crate) recip: [S::F; 3],
     pub(crate) near: [S::F; 3],
     pub(crate) far: [S::F; 3],
-    /// Whether the near plane of an axis is the upper one.
-    pub(crate) flipped: [bool; 3],
+    /// Which plane of an axis is the near one: 0 for the lower, 1 for the upper.
+    pub(crate) near_row: [usize; 3],
     pub(crate) t_min: S::F,
     pub(crate) origin: [S::F; 3],
     pub(crate) direction: [S::F; 3],
@@ -211,7 +211,7 @@ impl<S: Simd> RayLanes<S> {
             recip: splat3(simd, ray.recip),
             near: splat3(simd, ray.near),
             far: splat3(simd, ray.far),
-            flipped: [x < 0.0, y < 0.0, z < 0.0],
+            near_row: [is_negative(x), is_negative(y), is_negative(z)],
             // Adding zero makes -0.0 positive: entries are ordered by their bits.
             t_min: simd.splat(ray.t_min + 0.0),
             origin: splat3(simd, ray.origin),
@@ -221,6 +221,12 @@ impl<S: Simd> RayLanes<S> {
             one: simd.splat(1.0),
         }
     }
+}
+
+/// 1 for a negative number, by its sign.
+#[inline(always)]
+fn is_negative(x: f32) -> usize {
+    (x.to_bits() >> 31) as usize
 }
 
 /// A ray as traversal needs it: for leaves and for nodes.

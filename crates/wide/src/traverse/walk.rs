@@ -1,4 +1,4 @@
-use super::RayLanes;
+use super::{RayLanes, RayNumbers};
 use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, Row, rows};
 use crate::simd::Simd;
 
@@ -35,6 +35,24 @@ pub(crate) trait Visitor {
 pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,
     nodes: &Nodes,
+    ray: &RayNumbers<f32>,
+    t_max: f32,
+    stack: &mut [u64],
+    visitor: &mut impl Visitor,
+) {
+    // Two loops: what oriented nodes need of the ray would push what aligned ones need out of registers.
+    if nodes.has_oriented {
+        walk_nodes::<S, ORDERED, true>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
+    } else {
+        walk_nodes::<S, ORDERED, false>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
+    }
+}
+
+/// [`walk`] through nodes of which some may be oriented, or none.
+#[inline(always)]
+fn walk_nodes<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
+    simd: S,
+    nodes: &Nodes,
     ray: &RayLanes<S>,
     mut t_max: f32,
     stack: &mut [u64],
@@ -54,20 +72,17 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
                 }
                 None
             }
-            DecodedWord::Node(kind, line) => {
-                visitor.node(kind);
-                Some(match kind {
-                    NodeKind::Aligned => {
-                        let rows = rows::<ALIGNED_LINES, 8>(lines, line);
-                        (enter_aligned(simd, ray, rows, t_max_lanes), words(&rows[6]))
-                    }
-                    NodeKind::Oriented => {
-                        let rows = rows::<ORIENTED_LINES, 16>(lines, line);
-                        (enter_oriented(simd, ray, rows, t_max_lanes), words(&rows[15]))
-                    }
-                })
+            DecodedWord::Node(NodeKind::Aligned, line) => {
+                visitor.node(NodeKind::Aligned);
+                let rows = rows::<ALIGNED_LINES, 8>(lines, line);
+                Some((enter_aligned(simd, ray, rows, t_max_lanes), words(&rows[6])))
             }
-            DecodedWord::Empty => None,
+            DecodedWord::Node(NodeKind::Oriented, line) if ORIENTED => {
+                visitor.node(NodeKind::Oriented);
+                let rows = rows::<ORIENTED_LINES, 16>(lines, line);
+                Some((enter_oriented(simd, ray, rows, t_max_lanes), words(&rows[15])))
+            }
+            DecodedWord::Node(NodeKind::Oriented, _) | DecodedWord::Empty => None,
         };
         if let Some((Entries { near, mask }, words)) = entered
             && mask != 0
@@ -172,21 +187,21 @@ pub(crate) fn words(row: &Row) -> &[ChildWord; 8] {
 /// Aligned node: rows lo x, hi x, lo y, hi y, lo z, hi z.
 #[inline(always)]
 pub(crate) fn enter_aligned<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], t_max: S::F) -> Entries<S> {
-    let near_x = plane(simd, ray, rows, 0, ray.flipped[0], ray.near[0]);
-    let near_y = plane(simd, ray, rows, 1, ray.flipped[1], ray.near[1]);
-    let near_z = plane(simd, ray, rows, 2, ray.flipped[2], ray.near[2]);
-    let far_x = plane(simd, ray, rows, 0, !ray.flipped[0], ray.far[0]);
-    let far_y = plane(simd, ray, rows, 1, !ray.flipped[1], ray.far[1]);
-    let far_z = plane(simd, ray, rows, 2, !ray.flipped[2], ray.far[2]);
+    let near_x = plane(simd, ray, rows, 0, ray.near_row[0], ray.near[0]);
+    let near_y = plane(simd, ray, rows, 1, ray.near_row[1], ray.near[1]);
+    let near_z = plane(simd, ray, rows, 2, ray.near_row[2], ray.near[2]);
+    let far_x = plane(simd, ray, rows, 0, 1 - ray.near_row[0], ray.far[0]);
+    let far_y = plane(simd, ray, rows, 1, 1 - ray.near_row[1], ray.far[1]);
+    let far_z = plane(simd, ray, rows, 2, 1 - ray.near_row[2], ray.far[2]);
     let near = simd.max(simd.max(near_x, near_y), simd.max(near_z, ray.t_min));
     let far = simd.min(simd.min(far_x, far_y), simd.min(far_z, t_max));
     Entries { near, mask: simd.le(near, far) }
 }
 
-/// Where the ray crosses the lower or upper planes of an axis.
+/// Where the ray crosses the lower (0) or upper (1) planes of an axis.
 #[inline(always)]
-fn plane<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], k: usize, upper: bool, moved: S::F) -> S::F {
-    simd.mul_sub(simd.load(&rows[2 * k + usize::from(upper)]), ray.recip[k], moved)
+fn plane<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], k: usize, row: usize, moved: S::F) -> S::F {
+    simd.mul_sub(simd.load(&rows[2 * k + (row & 1)]), ray.recip[k], moved)
 }
 
 /// Oriented node: for each axis three components of the rows, the centers, the half-extents.
