@@ -53,17 +53,16 @@ impl<B: Intersect> Tlas<B> {
             for (rays, answers) in rays.chunks(EIGHT).zip(answers.chunks_mut(EIGHT)) {
                 let is_prepared = top.prepare(rays, &mut eight);
                 for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
-                    let prepared = if is_prepared { eight.ray(i, given) } else { Prepared::Alone };
                     // Not an answer of all three, which would be in memory first: what is written in parts is read as a whole only once it has arrived.
-                    match prepared {
+                    match if is_prepared { eight.ray(i) } else { Prepared::Alone } {
                         Prepared::Misses => *answer = A::default(),
                         Prepared::Alone => {
                             *answer = ScaledRay::new(given).map_or_else(A::default, |ray| alone(&ray, stack));
                         }
-                        Prepared::Ray(ray, t_max) => {
+                        Prepared::Together => {
+                            let (ray, t_max) = eight.parts(i, given);
                             let (top_stack, bottom) = stack.split_at_mut(top.stack_len());
-                            let prepared = PreparedRay { ray: &ray, of: &eight, i, t_max };
-                            *answer = together(&prepared, top_stack, bottom);
+                            *answer = together(&PreparedRay { ray: &ray, of: &eight, i, t_max }, top_stack, bottom);
                         }
                     }
                 }

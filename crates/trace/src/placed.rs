@@ -149,8 +149,9 @@ impl<'a> WorldRay<'a> {
         let [x, y, z] = origin;
         let origin = [x as f32, y as f32, z as f32];
         let direction = [(dx * to_world) as f32, (dy * to_world) as f32, (dz * to_world) as f32];
-        // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval.
-        let (t_min, t_max) = (magnitude_up(self.t_min * to_object), magnitude_down(t_max * to_object));
+        // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval. Most rays start at zero.
+        let t_min = if self.t_min == 0.0 { 0.0 } else { magnitude_up(self.t_min * to_object) };
+        let t_max = magnitude_down(t_max * to_object);
         // No component is NaN.
         let reach = greatest([origin[0].abs(), origin[1].abs(), origin[2].abs()]);
         if !((t_min <= t_max) & (reach < f32::INFINITY)) {

@@ -113,37 +113,21 @@ impl ScaledRay {
             return None;
         }
         let &Ray { origin, direction, t_min, time, mask, .. } = ray;
-        let t_max = ray.t_max.min(f32::MAX);
-        let interval = [t_min, t_max];
+        let interval @ [_, end] = [t_min, ray.t_max.min(f32::MAX)];
         let to_scaled = power_below(greatest.into());
-        // As instances pass rays on: nothing to scale.
-        if to_scaled == 1.0 {
-            return Some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled });
-        }
+        let (power, from_scaled) = (to_scaled as f32, reciprocal_of_power(to_scaled) as f32);
+        let (start, stop) = (t_min * power, end * power);
         // Most rays: `f32` scales their interval without rounding, and a direction with the only rounding that `f64` has.
-        if (f32::MIN_POSITIVE..BEYOND).contains(&greatest) {
-            let (power, from_scaled) = (to_scaled as f32, reciprocal_of_power(to_scaled) as f32);
-            let (scaled_t_min, scaled_t_max) = (t_min * power, t_max * power);
-            let is_exact = (t_min == 0.0) | (f32::MIN_POSITIVE <= scaled_t_min);
-            if is_exact & (f32::MIN_POSITIVE <= scaled_t_max) & (scaled_t_min <= f32::MAX) {
-                let (t_min, t_max) = (scaled_t_min, scaled_t_max.min(f32::MAX));
-                let direction = [dx * from_scaled, dy * from_scaled, dz * from_scaled];
-                return Some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled });
-            }
-        }
-        Self::by_f64(ray, interval, to_scaled)
-    }
-
-    /// [`ScaledRay::new`] of any ray that may hit, which ends at the end of this interval.
-    #[cold]
-    fn by_f64(ray: &Ray, interval: [f32; 2], to_scaled: f64) -> Option<Self> {
-        let &Ray { origin, direction: [dx, dy, dz], time, mask, .. } = ray;
-        let from_scaled = reciprocal_of_power(to_scaled);
-        let [t_min, t_max] = interval;
-        let t_min = magnitude_up(f64::from(t_min) * to_scaled);
-        let t_max = magnitude_down(f64::from(t_max) * to_scaled);
-        let scaled = |d: f32| (f64::from(d) * from_scaled) as f32;
-        let direction = [scaled(dx), scaled(dy), scaled(dz)];
+        let is_exact = (f32::MIN_POSITIVE..BEYOND).contains(&greatest)
+            & ((t_min == 0.0) | (f32::MIN_POSITIVE <= start))
+            & (start <= f32::MAX)
+            & (f32::MIN_POSITIVE <= stop);
+        // Numbers, not a ray in memory: what is written in parts is read as a whole only once it has arrived.
+        let (direction, t_min, t_max) = if is_exact {
+            ([dx * from_scaled, dy * from_scaled, dz * from_scaled], start, stop.min(f32::MAX))
+        } else {
+            by_f64(direction, interval, to_scaled)
+        };
         // No f32 lies between both ends where they underflow.
         (t_min <= t_max).then_some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled })
     }
@@ -188,6 +172,15 @@ impl ScaledRay {
     }
 }
 
+/// A direction over a power of two, and an interval times it, its ends rounded inward.
+#[cold]
+fn by_f64([dx, dy, dz]: [f32; 3], [t_min, t_max]: [f32; 2], power: f64) -> ([f32; 3], f32, f32) {
+    let from_scaled = reciprocal_of_power(power);
+    let scaled = |d: f32| (f64::from(d) * from_scaled) as f32;
+    let (t_min, t_max) = (magnitude_up(f64::from(t_min) * power), magnitude_down(f64::from(t_max) * power));
+    ([scaled(dx), scaled(dy), scaled(dz)], t_min, t_max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -210,11 +203,11 @@ mod tests {
                     let ray = Ray::new([0.0; 3], direction).between(t_min, t_max);
                     let interval = [t_min, t_max.min(f32::MAX)];
                     let to_scaled = power_below(size.into());
-                    let (by_f32, by_f64) = (ScaledRay::new(&ray), ScaledRay::by_f64(&ray, interval, to_scaled));
-                    assert_eq!(by_f32.as_ref().map(bits), by_f64.as_ref().map(bits), "{ray:?}");
-                    n_rays += usize::from(by_f32.is_some());
-                    let is_rounded = |ray: &ScaledRay| f64::from(ray.t_min) != f64::from(t_min) * to_scaled;
-                    n_rounded += usize::from(by_f32.is_some_and(|ray| is_rounded(&ray)));
+                    let ([x, y, z], start, end) = by_f64(direction, interval, to_scaled);
+                    let expected = (start <= end).then(|| [x, y, z, start, end].map(f32::to_bits));
+                    assert_eq!(ScaledRay::new(&ray).as_ref().map(bits), expected, "{ray:?}");
+                    n_rays += usize::from(expected.is_some());
+                    n_rounded += usize::from(expected.is_some() && f64::from(start) != f64::from(t_min) * to_scaled);
                 }
             }
         }

@@ -6,9 +6,10 @@
 
 use std::fs::File;
 use std::io;
-use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::Path;
+use std::ptr::NonNull;
+use std::slice;
 use std::sync::Arc;
 
 use bytemuck::Pod;
@@ -49,9 +50,9 @@ impl Map {
     }
 
     /// Records in a range of bytes; `None` where it does not start at a multiple of their alignment, as maps start on a page.
-    pub(crate) fn records<T: Pod>(&self, bytes: Range<usize>) -> Option<MappedRecords<T>> {
-        bytemuck::try_cast_slice::<u8, T>(&self.0[bytes.clone()]).ok()?;
-        Some(MappedRecords { map: self.clone(), bytes, records: PhantomData })
+    pub(crate) fn records<T: Pod>(&self, bytes: Range<usize>) -> Option<Memory<T>> {
+        let records: &[T] = bytemuck::try_cast_slice(&self.0[bytes]).ok()?;
+        Some(Memory { first: NonNull::from(records).cast(), n: records.len(), owner: Owner::File(self.clone()) })
     }
 }
 
@@ -69,16 +70,52 @@ fn bytes_of(mut file: File) -> io::Result<Bytes> {
     Ok(bytes)
 }
 
-/// Records in a file.
-pub(crate) struct MappedRecords<T> {
-    map: Map,
-    bytes: Range<usize>,
-    records: PhantomData<T>,
+/// Records, and where they are: a ray through few nodes takes as long as the way from the owner to them.
+pub(crate) struct Memory<T> {
+    first: NonNull<T>,
+    n: usize,
+    owner: Owner<T>,
 }
 
-impl<T: Pod> MappedRecords<T> {
-    #[inline]
+/// What holds the records, which stay where they are when it is moved.
+enum Owner<T> {
+    Heap(#[expect(dead_code, reason = "it is dropped")] Vec<T>),
+    #[cfg(target_os = "linux")]
+    Huge(#[expect(dead_code, reason = "it is dropped")] memmap2::MmapMut),
+    File(#[expect(dead_code, reason = "it is dropped")] Map),
+}
+
+// SAFETY: the records belong to the owner alone, or to a file that is only read.
+unsafe impl<T: Send> Send for Memory<T> {}
+// SAFETY: as above.
+unsafe impl<T: Sync> Sync for Memory<T> {}
+
+impl<T: Pod> Memory<T> {
+    pub(super) fn heap(mut records: Vec<T>) -> Self {
+        let (first, n) = (NonNull::from(&mut records[..]).cast(), records.len());
+        Self { first, n, owner: Owner::Heap(records) }
+    }
+
+    /// The records in these bytes of a map.
+    #[cfg(target_os = "linux")]
+    pub(super) fn huge(mut map: memmap2::MmapMut, bytes: Range<usize>) -> Self {
+        let records: &mut [T] = bytemuck::cast_slice_mut(&mut map[bytes]);
+        let (first, n) = (NonNull::from(&mut *records).cast(), records.len());
+        Self { first, n, owner: Owner::Huge(map) }
+    }
+
+    #[inline(always)]
     pub(super) fn records(&self) -> &[T] {
-        bytemuck::cast_slice(&self.map.0[self.bytes.clone()])
+        // SAFETY: the owner holds these records, does not move them, and is neither used nor changed before it is dropped.
+        unsafe { slice::from_raw_parts(self.first.as_ptr(), self.n) }
+    }
+
+    /// The records, to be changed; `None` of those in a file.
+    pub(super) fn records_mut(&mut self) -> Option<&mut [T]> {
+        if let Owner::File(_) = self.owner {
+            return None;
+        }
+        // SAFETY: as above; they were found by an exclusive reference, and nothing else refers to them.
+        Some(unsafe { slice::from_raw_parts_mut(self.first.as_ptr(), self.n) })
     }
 }

@@ -8,41 +8,35 @@ use std::ops::{Deref, DerefMut};
 
 use bytemuck::Pod;
 
-use super::mapped::MappedRecords;
+use super::mapped::Memory;
 
 /// Records of a BVH: a slice that may lie in huge pages.
 pub(crate) struct Records<T>(Memory<T>);
 
-enum Memory<T> {
-    Heap(Vec<T>),
-    #[cfg(target_os = "linux")]
-    Huge(huge::Pages<T>),
-    File(MappedRecords<T>),
-}
-
 impl<T: Pod> From<Vec<T>> for Records<T> {
     fn from(records: Vec<T>) -> Self {
         #[cfg(target_os = "linux")]
-        if let Some(pages) = huge::Pages::copy_of(&records) {
-            return Self(Memory::Huge(pages));
+        if let Some(mut pages) = huge::zeroed(records.len()).map(Self) {
+            pages.copy_from_slice(&records);
+            return pages;
         }
-        Self(Memory::Heap(records))
+        Self(Memory::heap(records))
     }
 }
 
 impl<T: Pod> Records<T> {
     /// Records in a file, which are copied before they are changed.
-    pub(crate) fn mapped(records: MappedRecords<T>) -> Self {
-        Self(Memory::File(records))
+    pub(crate) fn mapped(records: Memory<T>) -> Self {
+        Self(records)
     }
 
     /// `n` records of zeros. In huge pages the system clears them, by whichever thread writes to a page first.
     pub(crate) fn zeroed(n: usize) -> Self {
         #[cfg(target_os = "linux")]
-        if let Some(pages) = huge::Pages::zeroed(n) {
-            return Self(Memory::Huge(pages));
+        if let Some(pages) = huge::zeroed(n) {
+            return Self(pages);
         }
-        Self(Memory::Heap(vec![T::zeroed(); n]))
+        Self(Memory::heap(vec![T::zeroed(); n]))
     }
 
     /// These records and zeros, `n` in all.
@@ -58,26 +52,16 @@ impl<T: Pod> Deref for Records<T> {
 
     #[inline(always)]
     fn deref(&self) -> &[T] {
-        match &self.0 {
-            Memory::Heap(records) => records,
-            #[cfg(target_os = "linux")]
-            Memory::Huge(pages) => pages.records(),
-            Memory::File(file) => file.records(),
-        }
+        self.0.records()
     }
 }
 
 impl<T: Pod> DerefMut for Records<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        if let Memory::File(file) = &self.0 {
-            *self = file.records().to_vec().into();
+        if self.0.records_mut().is_none() {
+            *self = self.to_vec().into();
         }
-        match &mut self.0 {
-            Memory::Heap(records) => records,
-            #[cfg(target_os = "linux")]
-            Memory::Huge(pages) => pages.records_mut(),
-            Memory::File(_) => unreachable!("copied above"),
-        }
+        self.0.records_mut().expect("records in a file were copied")
     }
 }
 
@@ -104,52 +88,27 @@ where
 
 #[cfg(target_os = "linux")]
 mod huge {
-    use std::marker::PhantomData;
-    use std::ops::Range;
-
     use bytemuck::Pod;
     use memmap2::{Advice, MmapMut};
+
+    use super::Memory;
 
     /// Bytes of a huge page on x86-64 and on most aarch64 systems. Elsewhere it is only an alignment.
     pub(super) const PAGE: usize = 1 << 21;
 
-    /// Records in anonymous memory for which huge pages were requested.
-    pub(super) struct Pages<T> {
-        memory: MmapMut,
-        bytes: Range<usize>,
-        records: PhantomData<T>,
-    }
-
-    impl<T: Pod> Pages<T> {
-        /// A copy of `records`; `None` as for [`Self::zeroed`].
-        pub(super) fn copy_of(records: &[T]) -> Option<Self> {
-            let mut pages = Self::zeroed(records.len())?;
-            pages.records_mut().copy_from_slice(records);
-            Some(pages)
+    /// `n` records of zeros in anonymous memory for which huge pages were requested; `None` where they fill less than a page, or the system has no
+    /// memory of this kind.
+    pub(super) fn zeroed<T: Pod>(n: usize) -> Option<Memory<T>> {
+        let n_bytes = n.checked_mul(size_of::<T>())?;
+        if n_bytes < PAGE {
+            return None;
         }
-
-        /// `n` records of zeros; `None` where they fill less than a page, or the system has no memory of this kind.
-        pub(super) fn zeroed(n: usize) -> Option<Self> {
-            let n_bytes = n.checked_mul(size_of::<T>())?;
-            if n_bytes < PAGE {
-                return None;
-            }
-            // One page more, so that the records can start on a page.
-            let memory = MmapMut::map_anon(n_bytes.checked_add(PAGE)?).ok()?;
-            // Only a hint: without huge pages the memory serves as well.
-            let _ = memory.advise(Advice::HugePage);
-            let start = memory.as_ptr().addr().next_multiple_of(PAGE) - memory.as_ptr().addr();
-            Some(Self { memory, bytes: start..start + n_bytes, records: PhantomData })
-        }
-
-        #[inline]
-        pub(super) fn records(&self) -> &[T] {
-            bytemuck::cast_slice(&self.memory[self.bytes.clone()])
-        }
-
-        pub(super) fn records_mut(&mut self) -> &mut [T] {
-            bytemuck::cast_slice_mut(&mut self.memory[self.bytes.clone()])
-        }
+        // One page more, so that the records can start on a page.
+        let map = MmapMut::map_anon(n_bytes.checked_add(PAGE)?).ok()?;
+        // Only a hint: without huge pages the memory serves as well.
+        let _ = map.advise(Advice::HugePage);
+        let start = map.as_ptr().addr().next_multiple_of(PAGE) - map.as_ptr().addr();
+        Some(Memory::huge(map, start..start + n_bytes))
     }
 }
 
@@ -178,9 +137,8 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn large_records_start_on_a_huge_page() {
         let records = Records::from(vec![CacheLine([7; 16]); 2 * huge::PAGE / size_of::<CacheLine>()]);
-        assert!(matches!(records.0, Memory::Huge(_)));
         assert_eq!(records.as_ptr().addr() % huge::PAGE, 0);
-        let small = Records::from(vec![CacheLine([7; 16]); huge::PAGE / size_of::<CacheLine>() - 1]);
-        assert!(matches!(small.0, Memory::Heap(_)));
+        let n_lines = huge::PAGE / size_of::<CacheLine>();
+        assert!(huge::zeroed::<CacheLine>(n_lines).is_some() && huge::zeroed::<CacheLine>(n_lines - 1).is_none());
     }
 }

@@ -6,7 +6,7 @@ use super::sink::HitSink;
 use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
-use crate::simd::{Simd, Task};
+use crate::simd::Simd;
 use crate::traverse::{Block, LeafRange, Pads, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
 
 /// Pads for the default triangle test.
@@ -39,9 +39,9 @@ pub(super) fn pass_plain<S: Simd, T: HitSink>(
     pass_prepared::<S, T, true>(simd, bvh, (ray, &numbers), stack, sink);
 }
 
-/// The work of [`pass_hits`].
+/// [`pass_hits`] of a ray that is prepared.
 #[inline(always)]
-fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
+pub(super) fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
     simd: S,
     bvh: &TriangleBvh,
     (scaled, numbers): (&ScaledRay, &RayNumbers<f32>),
@@ -54,23 +54,6 @@ fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
         walk::<S, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     } else {
         walk::<S, false>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
-    }
-}
-
-/// [`pass_hits`] as a function of its own: within a larger one, numbers of the ray would be pushed out of registers.
-pub(super) struct PassHits<'a, T, const WATERTIGHT: bool> {
-    pub(super) bvh: &'a TriangleBvh,
-    pub(super) ray: &'a TracedRay,
-    pub(super) sink: &'a mut T,
-    pub(super) stack: &'a mut [u64],
-}
-
-impl<T: HitSink, const WATERTIGHT: bool> Task for PassHits<'_, T, WATERTIGHT> {
-    type Output = ();
-
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) {
-        pass_hits::<S, T, WATERTIGHT>(simd, self.bvh, self.ray, self.stack, self.sink);
     }
 }
 

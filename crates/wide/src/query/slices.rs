@@ -5,7 +5,7 @@
 
 use canted_trace::{Accept, AcceptAt, Answers, Hit, Query, Ray, ScaledRay};
 
-use super::pass::{PADS, PassHits, TriangleLeaves};
+use super::pass::{PADS, TriangleLeaves, pass_prepared};
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, Visits};
 use crate::bvh::TriangleBvh;
 use crate::node::HalfBlock;
@@ -123,17 +123,20 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
             let mut work = 0;
             for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
                 *answer = A::NONE;
-                let Some(ray) = eights[i / 8].ray(i % 8, given) else { continue };
+                if !eights[i / 8].can_hit(i) {
+                    continue;
+                }
+                let (scaled, numbers) = eights[i / 8].parts(i, given);
                 let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
                 if let Way::Counted = way {
                     let visits;
-                    (*answer, visits) = A::counted(bvh, &ray, &mut filter, stack);
+                    (*answer, visits) = A::counted(bvh, &TracedRay { scaled, numbers }, &mut filter, stack);
                     work += work_of(&visits);
                     continue;
                 }
                 let mut sink = A::sink::<PLAIN>(&mut filter);
-                simd.run(PassHits::<_, true> { bvh, ray: &ray, sink: &mut sink, stack });
-                *answer = A::of(sink, &ray.scaled);
+                pass_prepared::<S, _, true>(simd, bvh, (&scaled, &numbers), stack, &mut sink);
+                *answer = A::of(sink, &scaled);
             }
             if let Way::Counted = way {
                 plan.has_counted(work);
@@ -277,8 +280,7 @@ impl Group<'_> {
             Accept(move |hit: &Hit| accept.is_none_or(|accept| accept(first + i, &rays[i], hit)))
         });
         let sinks = filters.each_mut().map(|filter| A::sink::<PLAIN>(filter));
-        let scaled: [ScaledRay; GROUP] =
-            std::array::from_fn(|i| eights[i / 8].ray(i % 8, &rays[i]).expect("all rays of a group can hit").scaled);
+        let scaled: [ScaledRay; GROUP] = std::array::from_fn(|i| eights[i / 8].parts(i, &rays[i]).0);
         let mut t_max = [[0.0; 8]; 2];
         for (i, ray) in scaled.iter().enumerate() {
             t_max[i / 8][i % 8] = ray.t_max;
@@ -354,11 +356,12 @@ impl Task for AllOfSlice<'_> {
                 Answers::Lists(lists) => lists.next_ray(),
                 Answers::Closest(_) | Answers::Occluded(_) => unreachable!("they have slices of their own"),
             };
-            if let Some(ray) = eight.ray(lane, given) {
+            if eight.can_hit(lane) {
+                let (scaled, numbers) = eight.parts(lane, given);
                 let mut all = AllHits::new(&mut filter, hits);
                 all.may_reject = accept.is_some();
-                simd.run(PassHits::<_, true> { bvh, ray: &ray, sink: &mut all, stack });
-                all.finish(&ray.scaled);
+                pass_prepared::<S, _, true>(simd, bvh, (&scaled, &numbers), stack, &mut all);
+                all.finish(&scaled);
             }
             if let Answers::Lists(lists) = &mut answers {
                 lists.end_ray();

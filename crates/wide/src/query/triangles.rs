@@ -10,7 +10,7 @@ use canted_trace::{
     with_stack,
 };
 
-use super::pass::{PassHits, pass_plain};
+use super::pass::{pass_hits, pass_plain};
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
 use super::slices::{AllOfSlice, Slice, stack_len_of_slice};
 use crate::bvh::TriangleBvh;
@@ -275,5 +275,22 @@ impl Task for PlainOccluded<'_> {
         let mut any = AnyHit::<true>::new(&mut query);
         pass_plain(simd, self.bvh, self.ray, self.stack, &mut any);
         any.found()
+    }
+}
+
+/// Passes all hits of a ray to a sink; the triangle test is the default where `WATERTIGHT`.
+struct PassHits<'a, T, const WATERTIGHT: bool> {
+    bvh: &'a TriangleBvh,
+    ray: &'a TracedRay,
+    sink: &'a mut T,
+    stack: &'a mut [u64],
+}
+
+impl<T: HitSink, const WATERTIGHT: bool> Task for PassHits<'_, T, WATERTIGHT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        pass_hits::<S, T, WATERTIGHT>(simd, self.bvh, self.ray, self.stack, self.sink);
     }
 }

@@ -185,19 +185,31 @@ impl EightRays {
         self.are_all
     }
 
-    /// Ray `i`, one of the first eight, which is `given`; `None` where it cannot hit.
+    /// Whether ray `i`, one of the first eight, can hit.
     #[inline(always)]
-    pub(crate) fn ray(&self, i: usize, given: &Ray) -> Option<TracedRay> {
+    pub(crate) fn can_hit(&self, i: usize) -> bool {
+        self.valid >> (i & 7) & 1 == 1
+    }
+
+    /// Ray `i`, one of the first eight, which is `given` and can hit. Two values, so that neither has to be in memory.
+    #[inline(always)]
+    pub(crate) fn parts(&self, i: usize, given: &Ray) -> (ScaledRay, RayNumbers<f32>) {
         let i = i & 7;
-        if self.valid >> i & 1 == 0 {
-            return None;
-        }
         let numbers = self.numbers(i);
         let [x, y, z] = &self.origin;
         let (origin, direction) = ([x[i], y[i], z[i]], numbers.direction);
         let scaled = Ray { origin, direction, t_min: numbers.t_min, t_max: self.t_max[i], ..*given };
-        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], self.to_scaled[i]);
-        Some(TracedRay { scaled, numbers })
+        let interval = [given.t_min, given.t_max.min(f32::MAX)];
+        (ScaledRay::from_parts(&scaled, interval, self.to_scaled[i]), numbers)
+    }
+
+    /// Ray `i`, one of the first eight, which is `given`; `None` where it cannot hit.
+    #[inline(always)]
+    pub(crate) fn ray(&self, i: usize, given: &Ray) -> Option<TracedRay> {
+        self.can_hit(i).then(|| {
+            let (scaled, numbers) = self.parts(i, given);
+            TracedRay { scaled, numbers }
+        })
     }
 
     /// What nodes need of ray `i`, one of the first eight.
@@ -229,8 +241,8 @@ pub enum Prepared {
     Misses,
     /// It is beyond the range in which rays are prepared together.
     Alone,
-    /// The ray, and the end of its interval rounded outward.
-    Ray(ScaledRay, f32),
+    /// See [`PreparedRays::parts`].
+    Together,
 }
 
 impl Default for PreparedRays {
@@ -246,24 +258,29 @@ impl PreparedRays {
         self.0.prepare_in_range(simd, rays, frame, pads);
     }
 
-    /// Ray `i`, one of the first eight, which is `given`.
+    /// What is known of ray `i`, one of the first eight.
     #[inline]
     #[must_use]
-    pub fn ray(&self, i: usize, given: &Ray) -> Prepared {
+    pub fn ray(&self, i: usize) -> Prepared {
+        match self.0.beyond >> (i & 7) & 1 {
+            1 => Prepared::Alone,
+            _ if self.0.can_hit(i) => Prepared::Together,
+            _ => Prepared::Misses,
+        }
+    }
+
+    /// Ray `i`, which is `given` and was prepared with the others, and the end of its interval rounded outward.
+    #[inline(always)]
+    #[must_use]
+    pub fn parts(&self, i: usize, given: &Ray) -> (ScaledRay, f32) {
         let i = i & 7;
-        let EightRays { valid, beyond, to_scaled, t_max, numbers, .. } = &self.0;
-        if beyond >> i & 1 == 1 {
-            return Prepared::Alone;
-        }
-        if valid >> i & 1 == 0 {
-            return Prepared::Misses;
-        }
+        let EightRays { to_scaled, t_max, numbers, .. } = &self.0;
         let direction = [numbers.direction[0][i], numbers.direction[1][i], numbers.direction[2][i]];
         let t_max = t_max[i];
         let scaled = Ray { direction, t_min: numbers.t_min[i], t_max, ..*given };
         let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], to_scaled[i]);
         // The ends are exact, but for one that overflowed.
-        Prepared::Ray(scaled, if t_max == f32::MAX { f32::INFINITY } else { t_max })
+        (scaled, if t_max == f32::MAX { f32::INFINITY } else { t_max })
     }
 
     /// What nodes need of ray `i`.
