@@ -166,7 +166,7 @@ pub(crate) struct Nodes {
     pub(crate) root: ChildWord,
     /// Greatest number of nodes from the root to a leaf.
     pub(crate) depth: u32,
-    /// Whether any node is oriented.
+    /// Whether any node is oriented; rays pass by oriented nodes of a BVH that says it has none.
     pub(crate) has_oriented: bool,
     /// Parts of nodes and leaves that threads can change on their own.
     pub(crate) pieces: Vec<SubtreeSlots>,

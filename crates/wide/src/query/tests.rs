@@ -97,6 +97,16 @@ fn rays_without_pads_lose_hits() {
     }
 }
 
+#[test]
+fn walks_without_oriented_nodes_lose_hits_in_them() {
+    let mesh = canted_fixtures::scaffold_of(1, true, 3);
+    let (bvh, rays) = (build(&mesh, Config::default()), grazing(&mesh));
+    assert!(bvh.nodes.has_oriented);
+    let mut without = bvh.clone();
+    without.nodes.has_oriented = false;
+    assert!(rays.iter().any(|ray| without.closest_hit(ray) != bvh.closest_hit(ray)));
+}
+
 /// Rays at corners of triangles, from near them and from as far as `far`, and back.
 fn at_corners(mesh: &Mesh, far: f64, n: usize) -> Vec<Ray> {
     let mut rng = SplitMix64::new(7);

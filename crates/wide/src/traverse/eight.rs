@@ -206,10 +206,11 @@ impl EightRays {
     /// Ray `i`, one of the first eight, which is `given`; `None` where it cannot hit.
     #[inline(always)]
     pub(crate) fn ray(&self, i: usize, given: &Ray) -> Option<TracedRay> {
-        self.can_hit(i).then(|| {
-            let (scaled, numbers) = self.parts(i, given);
-            TracedRay { scaled, numbers }
-        })
+        if !self.can_hit(i) {
+            return None;
+        }
+        let (scaled, numbers) = self.parts(i, given);
+        Some(TracedRay { scaled, numbers })
     }
 
     /// What nodes need of ray `i`, one of the first eight.
