@@ -168,7 +168,7 @@ impl Top {
     pub(crate) fn prepare_changes(&mut self, bounds: &[Bounds]) {
         for class in &mut self.classes {
             let boxes = match &class.bvh {
-                Bvh::Wide(bvh) if bvh.primitives().is_empty() => grown_aabbs(&class.members(bounds), self.reference),
+                Bvh::Wide(bvh) if bvh.lacks_boxes() => grown_aabbs(&class.members(bounds), self.reference),
                 _ => continue,
             };
             class.wide().put_boxes(boxes);

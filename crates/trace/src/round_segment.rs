@@ -48,6 +48,7 @@ impl RoundSegment {
     /// squares of the length, from the point of the line that is nearest to the axis: then thin and distant segments have few
     /// cancellations.
     #[doc(hidden)]
+    #[inline(always)]
     #[must_use]
     pub fn span_scaled(&self, ray: &ScaledRay) -> Option<[SegmentPoint; 2]> {
         let [p0, p1] = self.ends.map(to_f64);
@@ -59,7 +60,7 @@ impl RoundSegment {
 
 /// Where the line `from_origin + t·d`, relative to the first end, enters and leaves the segment along `a`: `t`, and the position along
 /// the segment. See [`RoundSegment::span_scaled`].
-#[inline]
+#[inline(always)]
 pub(crate) fn span(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> Option<[(f64, f64); 2]> {
     let delta = r0 - r1;
     let d_squared = dot(d, d);
@@ -119,7 +120,7 @@ pub(crate) fn span(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]
 
 /// Whether the line `from_origin + t·d` certainly passes the line of `a` through the origin at a distance greater than `radius`: the triple
 /// product, over the length of `d × a`.
-#[inline]
+#[inline(always)]
 pub(crate) fn passes(from_origin: Vector, d: Vector, a: Vector, radius: f64) -> bool {
     let across = cross(d, a);
     let apart = dot(from_origin, across).abs() - ROUNDINGS * size(from_origin) * size(d) * size(a);
@@ -127,7 +128,7 @@ pub(crate) fn passes(from_origin: Vector, d: Vector, a: Vector, radius: f64) -> 
 }
 
 /// The sum of the absolute components.
-#[inline]
+#[inline(always)]
 pub(crate) fn size(v: Vector) -> f64 {
     v[0].abs() + v[1].abs() + v[2].abs()
 }
@@ -143,6 +144,7 @@ struct Span {
 
 impl Span {
     /// Adds a root; NaN is none.
+    #[inline(always)]
     fn add(&mut self, t: f64, u: f64) {
         if t < self.entry.0 {
             self.entry = (t, u);

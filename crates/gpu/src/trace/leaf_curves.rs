@@ -171,7 +171,8 @@ impl<P: DeviceCurve> CurveBvh for WideBvh<P> {
     }
 
     fn rows(&self, words: &RawBvh<'_>) -> Vec<Quad> {
-        let all: Vec<P::Data> = words.order.iter().map(|id| self.primitives()[id.index()].to_data()).collect();
+        let primitives = self.primitives();
+        let all: Vec<P::Data> = words.order.iter().map(|id| primitives[id.index()].to_data()).collect();
         quads(&all)
     }
 }

@@ -63,9 +63,9 @@ impl<'a> UploadedBvh<'a> {
     }
 
     /// A BVH over round segments. The leaves name places in the order of the CPU, which is kept.
-    pub(super) fn over_segments(words: RawBvh<'a>, segments: &[RoundSegment]) -> Self {
+    pub(super) fn over_segments(words: RawBvh<'a>, segments: &[&RoundSegment]) -> Self {
         let record = |id: &PrimId| {
-            let RoundSegment { ends, radii: [r, s] } = segments[id.index()];
+            let RoundSegment { ends, radii: [r, s] } = *segments[id.index()];
             let [[a, b, c], [d, e, f]] = ends.map(|end| end.map(f32::to_bits));
             [[a, b, c, id.0], [d, e, f, 0], [r.to_bits(), s.to_bits(), 0, 0]]
         };

@@ -113,7 +113,7 @@ impl<'a> HostBvh<'a> {
     pub(super) fn uploaded<'w>(self, words: &RawBvh<'w>, masked: &[bool]) -> Result<UploadedBvh<'w>, GpuError> {
         let (bvh, what) = match self {
             Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words), masked), "triangles"),
-            Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), bvh.primitives()), "segments"),
+            Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), &bvh.primitives()), "segments"),
             Self::Curves(bvh) => (UploadedBvh::over_curves(by_octants(words), bvh.records(words)), "curves"),
         };
         let n = bvh.triangles.len();

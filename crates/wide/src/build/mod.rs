@@ -219,14 +219,15 @@ impl<P: Primitive> WideBvh<P> {
         let (nodes, order, predicted) = collapse(&chosen, tables, &config.costs, P::ERROR, limits, &leaves)
             .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (frame, costs) = (MeshFrame::new(chosen.rows, reference), config.costs);
-        let leaves = Shapes { order, primitives };
+        let mut leaves = Shapes::new(order, primitives);
+        leaves.sort();
         Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs }.into())
     }
 
-    /// The primitives in input order.
+    /// The primitives in input order; their memory has the order of the leaves.
     #[must_use]
-    pub fn primitives(&self) -> &[P] {
-        &self.leaves.primitives
+    pub fn primitives(&self) -> Vec<&P> {
+        self.leaves.in_input_order()
     }
 }
 

@@ -6,7 +6,7 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::{Intersect, Ray};
 
 use super::{Built, over_indexed};
-use crate::leaf::Blocks;
+use crate::leaf::{Blocks, Shapes};
 use crate::node::{Limits, PART_LANES, PARTS};
 use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh, WideBvh};
 
@@ -108,4 +108,29 @@ fn parts_of_triangles_lose_no_hit_and_cost_less() {
         assert!(n_hits > 100, "{n_hits}");
     }
     assert!(n_extra > 100, "{n_extra} splits");
+}
+
+#[test]
+fn primitives_have_the_order_of_the_leaves_and_answer_by_number() {
+    let all = boxes_of(&many());
+    let bvh = build_boxes(&all, &Limits::OF_WORDS).unwrap();
+    assert!(bvh.leaves.order.iter().enumerate().any(|(place, id)| place != id.index()), "the order is another one");
+    let check = |leaves: &Shapes<Aabb>| {
+        let by_place = |(place, id): (usize, &PrimId)| *leaves.at(place) == all[id.index()];
+        leaves.order.iter().enumerate().all(by_place)
+            && leaves.in_input_order().into_iter().eq(&all)
+            && leaves.run(0, N).is_none_or(|run| run.iter().eq(leaves.order.iter().map(|id| &all[id.index()])))
+    };
+    let mut leaves = bvh.leaves.clone();
+    assert!(leaves.is_sorted() && leaves.run(3, 4).is_some() && check(&leaves));
+    leaves.unsort();
+    assert!(!leaves.is_sorted() && leaves.primitives == all && check(&leaves));
+    // Where memory of leaves is unused.
+    leaves.order.push(PrimId(0));
+    leaves.sort();
+    assert!(!leaves.is_sorted() && check(&leaves));
+    // The check finds an order that is not that of the primitives.
+    let mut wrong = bvh.leaves;
+    wrong.order.swap(0, 1);
+    assert!(!check(&wrong));
 }

@@ -40,6 +40,7 @@ impl<'a, P: Primitive> Tree<'a, P> {
         let is_known = known.is_some();
         let mut tree = Self { bvh, links: known.unwrap_or_default(), pads };
         if !is_known {
+            tree.bvh.leaves.unsort();
             tree.find_links();
         }
         tree

@@ -119,7 +119,7 @@ impl<P: SavedPrimitive> WideBvh<P> {
     /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`], as [`TriangleBvh::to_bytes`].
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let data: Vec<P::Data> = self.leaves.primitives.iter().map(P::to_data).collect();
+        let data: Vec<P::Data> = self.primitives().into_iter().map(P::to_data).collect();
         // Of a BVH that was changed in place, without what is not used.
         let packed = self.nodes.packed(&self.leaves.order);
         let (nodes, order) = packed.as_ref().map_or((&self.nodes, &self.leaves.order), |(nodes, order)| (nodes, order));
@@ -137,9 +137,10 @@ impl<P: SavedPrimitive> WideBvh<P> {
         let mut nodes = nodes_of(&header, words_of(&bytes[lines]).into());
         let order = words_of(&bytes[units]).into_iter().map(PrimId).collect();
         let primitives = words_of::<P::Data>(&bytes[primitives]).iter().map(P::from_data).collect();
-        let leaves = Shapes { order, primitives };
+        let mut leaves = Shapes::new(order, primitives);
         let expected = Expected::of(&header, P::ERROR, P::IS_LOCAL)?;
         check_shapes(&mut nodes, &leaves, &expected)?;
+        leaves.sort();
         Ok(loaded(&header, nodes, leaves, expected))
     }
 }

@@ -236,10 +236,67 @@ pub trait SavedPrimitive: Primitive + Sized {
 /// Leaves of a BVH over primitives of the caller.
 #[derive(Clone, Debug)]
 pub struct Shapes<P> {
-    /// Primitives by position in the leaves.
+    /// Numbers of primitives by position in the leaves.
     pub(crate) order: Vec<PrimId>,
-    /// In input order.
+    /// In the order of the leaves where they are sorted, else in input order.
     pub(crate) primitives: Vec<P>,
+    is_sorted: bool,
+}
+
+impl<P> Shapes<P> {
+    /// Of primitives in input order.
+    pub(crate) fn new(order: Vec<PrimId>, primitives: Vec<P>) -> Self {
+        Self { order, primitives, is_sorted: false }
+    }
+
+    /// The primitive at a position.
+    #[inline(always)]
+    pub(crate) fn at(&self, place: usize) -> &P {
+        &self.primitives[if self.is_sorted { place } else { self.order[place].index() }]
+    }
+
+    /// Those at several positions from the first on, where they are one after another in memory.
+    #[inline(always)]
+    pub(crate) fn run(&self, first: usize, n: usize) -> Option<&[P]> {
+        if self.is_sorted { self.primitives.get(first..first + n) } else { None }
+    }
+
+    /// All primitives in input order.
+    pub(crate) fn in_input_order(&self) -> Vec<&P> {
+        let mut all: Vec<&P> = self.primitives.iter().collect();
+        if self.is_sorted {
+            self.order.iter().zip(&self.primitives).for_each(|(id, primitive)| all[id.index()] = primitive);
+        }
+        all
+    }
+
+    /// Whether primitives are in the order of the leaves.
+    pub(crate) fn is_sorted(&self) -> bool {
+        self.is_sorted
+    }
+
+    /// Brings primitives into the order of the leaves, where each is in one: a ray then reads those of a leaf from one place of memory.
+    pub(crate) fn sort(&mut self) {
+        if self.is_sorted || self.order.len() != self.primitives.len() {
+            return;
+        }
+        let mut given: Vec<Option<P>> = std::mem::take(&mut self.primitives).into_iter().map(Some).collect();
+        let take = |id: &PrimId| given[id.index()].take().expect("a primitive is in one leaf");
+        self.primitives = self.order.iter().map(take).collect();
+        self.is_sorted = true;
+    }
+
+    /// Brings primitives into input order, as changes need them.
+    pub(crate) fn unsort(&mut self) {
+        if !std::mem::replace(&mut self.is_sorted, false) {
+            return;
+        }
+        let mut sorted: Vec<Option<P>> = (0..self.order.len()).map(|_| None).collect();
+        for (id, primitive) in self.order.iter().zip(std::mem::take(&mut self.primitives)) {
+            sorted[id.index()] = Some(primitive);
+        }
+        self.primitives = sorted.into_iter().map(|primitive| primitive.expect("each is in a leaf")).collect();
+    }
 }
 
 impl<P: Primitive> LeafPrimitive for P {
@@ -248,14 +305,13 @@ impl<P: Primitive> LeafPrimitive for P {
 
     #[inline]
     fn for_each_shape(leaves: &Shapes<P>, leaf: LeafRange, mut visit: impl FnMut(PrimId, &P)) {
-        let ids = &leaves.order[leaf.first as usize..(leaf.first + leaf.n) as usize];
-        ids.iter().for_each(|&id| visit(id, &leaves.primitives[id.index()]));
+        (leaf.first..leaf.first + leaf.n).for_each(|place| visit(leaves.order[place as usize], leaves.at(place as usize)));
     }
 
     #[inline]
     fn with_shape<R>(leaves: &Shapes<P>, leaf: LeafRange, place: u32, visit: impl FnOnce(PrimId, &P) -> R) -> R {
-        let id = leaves.order[(leaf.first + place) as usize];
-        visit(id, &leaves.primitives[id.index()])
+        let place = (leaf.first + place) as usize;
+        visit(leaves.order[place], leaves.at(place))
     }
 
     fn leaf_data(leaves: &Shapes<P>) -> LeafData<'_> {

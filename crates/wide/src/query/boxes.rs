@@ -7,9 +7,9 @@ use canted_trace::{Ray, ReferencePoint, ScaledRay, with_stack};
 
 use super::sink::Visits;
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, is_filtered};
+use crate::leaf::Primitive;
 use crate::node::{LeafLayout, NodeKind, Nodes};
-use crate::simd::{AvailablePath, Simd, Task};
+use crate::simd::{Simd, Task};
 use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayNumbers, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
@@ -50,27 +50,13 @@ impl<P: Primitive> WideBvh<P> {
         let Some(scaled) = ScaledRay::new(ray) else { return };
         let traced = TracedRay::new(&scaled, &self.frame, Pads::of(P::ERROR));
         with_stack(self.nodes.stack_len(), |stack| {
-            self.visit(&traced, Order::Nearest, stack, &mut |id, t_max| match visit(id, scaled.caller_t(t_max)) {
+            self.visit(&traced, Order::Nearest, stack, &mut |_, id, t_max| match visit(id, scaled.caller_t(t_max)) {
                 // What the caller leaves as it is stays as it is, bit for bit.
                 ControlFlow::Continue(t) if t == scaled.caller_t(t_max) => t_max,
                 ControlFlow::Continue(t) => scaled.scaled_t(t).min(t_max),
                 ControlFlow::Break(()) => -1.0,
             });
         });
-    }
-
-    /// Calls `visit` with each primitive of each leaf that a ray enters; the work.
-    pub(super) fn visit(
-        &self,
-        ray: &TracedRay,
-        order: Order,
-        stack: &mut [u64],
-        visit: &mut dyn FnMut(PrimId, f32) -> f32,
-    ) -> Visits {
-        if is_filtered::<P>() {
-            return self.visit_filtered(ray, order, stack, visit);
-        }
-        visit_primitives(self.path, &self.nodes, &self.leaves.order, ray, order, stack, visit)
     }
 }
 
@@ -134,6 +120,7 @@ impl WideBvh<Aabb> {
     /// may be called, and what tells sizes.
     #[doc(hidden)]
     pub fn take_boxes(&mut self) -> Vec<Aabb> {
+        self.leaves.unsort();
         // Where each leaf has one box, its word names that instead of its place.
         if self.nodes.leaf_words().all(|(_, n)| n == 1) {
             let order = std::mem::take(&mut self.leaves.order);
@@ -158,6 +145,13 @@ impl WideBvh<Aabb> {
             self.nodes.find_pieces(&LeafLayout::IDS, self.leaves.order.len());
         }
         self.leaves.primitives = boxes;
+    }
+
+    /// Whether there is no box to read.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn lacks_boxes(&self) -> bool {
+        self.leaves.primitives.is_empty()
     }
 
     /// The ids in a leaf.
@@ -238,38 +232,6 @@ impl Task for TraverseBoxes<'_> {
         let Self { bvh, ray, error, order, stack, visit } = self;
         let numbers = RayNumbers::within(simd, ray, &bvh.frame, error);
         visit_leaves(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), order, stack, visit)
-    }
-}
-
-/// Calls `visit` with each primitive of each leaf that a ray enters; `ids` are those of all leaves. Compiled once for each SIMD path.
-pub(super) fn visit_primitives(
-    path: AvailablePath,
-    nodes: &Nodes,
-    ids: &[PrimId],
-    ray: &TracedRay,
-    order: Order,
-    stack: &mut [u64],
-    visit: &mut dyn FnMut(PrimId, f32) -> f32,
-) -> Visits {
-    path.run(VisitPrimitives { nodes, ids, ray, order, stack, visit })
-}
-
-struct VisitPrimitives<'a> {
-    nodes: &'a Nodes,
-    ids: &'a [PrimId],
-    ray: &'a TracedRay,
-    order: Order,
-    stack: &'a mut [u64],
-    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
-}
-
-impl Task for VisitPrimitives<'_> {
-    type Output = Visits;
-
-    #[inline(always)]
-    fn on<S: Simd>(self, simd: S) -> Visits {
-        let Self { nodes, ids, ray, order, stack, visit } = self;
-        visit_leaves(simd, (nodes, ids), (&ray.numbers, ray.scaled.t_max), order, stack, visit)
     }
 }
 

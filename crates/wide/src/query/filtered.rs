@@ -1,5 +1,5 @@
-//! Rays through a BVH over primitives with hulls: leaves test eight hulls at once, and then the primitives that the ray may reach, in
-//! this order.
+//! Rays through the leaves of a BVH over primitives of the caller. Where these have hulls, leaves test eight hulls at once, and then the primitives
+//! that the ray may reach, in this order.
 
 use canted_obb::PrimId;
 use canted_trace::ScaledRay;
@@ -7,78 +7,110 @@ use canted_trace::ScaledRay;
 use super::boxes::Order;
 use super::sink::{HitSink, Visits};
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, Shapes, hit};
+use crate::leaf::{Primitive, PrimitiveHit, Shapes, hit, is_filtered};
 use crate::node::NodeKind;
 use crate::simd::{Simd, Task};
 use crate::traverse::{LeafRange, RayLine, Reached, TracedRay, VisitLane, Visitor, numbers, numbers_of_ball, walk};
 
 impl<P: Primitive> WideBvh<P> {
-    /// Calls `visit` with the primitives of each leaf that a ray enters, of a large leaf with those whose hulls it may reach.
-    pub(super) fn visit_filtered(
+    /// Calls `visit` with the primitives of each leaf that a ray enters, of a large leaf with those whose hulls it may reach; the work.
+    pub(super) fn visit(
         &self,
         ray: &TracedRay,
         order: Order,
         stack: &mut [u64],
-        visit: &mut dyn FnMut(PrimId, f32) -> f32,
+        visit: &mut dyn FnMut(&P, PrimId, f32) -> f32,
     ) -> Visits {
-        self.path.run(Filtered { bvh: self, ray, order, stack, test: Called(visit) })
+        self.path.run(Filtered { bvh: self, ray, stack, test: Called { visit, order } })
     }
 
     /// Passes the hits of a ray to a sink, tested with the instructions of the path inside of the traversal; the work.
     pub(super) fn search(&self, ray: &TracedRay, stack: &mut [u64], sink: &mut impl HitSink) -> Visits {
-        let order = if sink.is_ordered() { Order::Nearest } else { Order::Any };
-        let test = Tested { primitives: &self.leaves.primitives, ray: &ray.scaled, sink };
-        self.path.run(Filtered { bvh: self, ray, order, stack, test })
+        self.path.run(Filtered { bvh: self, ray, stack, test: Tested { ray: &ray.scaled, sink } })
     }
 }
 
 /// What is done with a primitive that the ray may hit.
-trait Test {
+trait Test<P> {
+    /// Whether nearer subtrees are visited first.
+    fn is_ordered(&self) -> bool;
+
     /// Returns the new `t_max`; a negative number ends the traversal.
-    fn test(&mut self, id: PrimId, t_max: f32) -> f32;
+    fn test<S: Simd>(&mut self, simd: S, primitive: &P, id: PrimId, t_max: f32) -> f32;
 }
 
 /// Calls a function.
-struct Called<'a>(&'a mut dyn FnMut(PrimId, f32) -> f32);
+struct Called<'a, P> {
+    visit: &'a mut dyn FnMut(&P, PrimId, f32) -> f32,
+    order: Order,
+}
 
-impl Test for Called<'_> {
+impl<P> Test<P> for Called<'_, P> {
     #[inline(always)]
-    fn test(&mut self, id: PrimId, t_max: f32) -> f32 {
-        (self.0)(id, t_max)
+    fn is_ordered(&self) -> bool {
+        self.order == Order::Nearest
+    }
+
+    #[inline(always)]
+    fn test<S: Simd>(&mut self, _: S, primitive: &P, id: PrimId, t_max: f32) -> f32 {
+        (self.visit)(primitive, id, t_max)
     }
 }
 
 /// Tests the primitive itself.
-struct Tested<'a, P, K> {
-    primitives: &'a [P],
+struct Tested<'a, K> {
     ray: &'a ScaledRay,
     sink: &'a mut K,
 }
 
-impl<P: Primitive, K: HitSink> Test for Tested<'_, P, K> {
+impl<P: Primitive, K: HitSink> Test<P> for Tested<'_, K> {
     #[inline(always)]
-    fn test(&mut self, id: PrimId, t_max: f32) -> f32 {
-        let Some(found) = self.primitives[id.index()].intersect(self.ray, t_max) else { return t_max };
+    fn is_ordered(&self) -> bool {
+        K::ORDERED
+    }
+
+    #[inline(always)]
+    fn test<S: Simd>(&mut self, simd: S, primitive: &P, id: PrimId, t_max: f32) -> f32 {
+        let of = Intersect { primitive, ray: self.ray, t_max };
+        // A test that is a large part of the code is compiled once for each path.
+        let found = if is_filtered::<P>() { of.on(simd) } else { simd.run(of) };
+        let Some(found) = found else { return t_max };
         // A primitive that breaks its contract must not keep the traversal from ending.
         if !(self.ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
             return t_max;
         }
         let t_max = self.sink.take(self.ray, hit(found.t, [found.u, found.v], found.side, id), &NO_VERTICES, t_max);
         let t_min = found.t.next_up();
-        if t_min > t_max { t_max } else { self.rest(id, t_min, t_max) }
+        if t_min > t_max { t_max } else { self.rest(primitive, id, t_min, t_max) }
+    }
+}
+
+/// The test of one primitive, with the instructions of the path, which change no bit.
+struct Intersect<'a, P> {
+    primitive: &'a P,
+    ray: &'a ScaledRay,
+    t_max: f32,
+}
+
+impl<P: Primitive> Task for Intersect<'_, P> {
+    type Output = Option<PrimitiveHit>;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, _: S) -> Option<PrimitiveHit> {
+        self.primitive.intersect(self.ray, self.t_max)
     }
 }
 
 /// Hits on primitives have no vertices.
 const NO_VERTICES: [[f32; 3]; 3] = [[0.0; 3]; 3];
 
-impl<P: Primitive, K: HitSink> Tested<'_, P, K> {
+impl<K: HitSink> Tested<'_, K> {
     /// Passes on the hits from `t_min` on: the first was rejected.
     #[cold]
-    fn rest(&mut self, id: PrimId, t_min: f32, mut t_max: f32) -> f32 {
+    fn rest<P: Primitive>(&mut self, primitive: &P, id: PrimId, t_min: f32, mut t_max: f32) -> f32 {
         let mut ray = *self.ray;
         ray.t_min = t_min;
-        while let Some(found) = self.primitives[id.index()].intersect(&ray, t_max) {
+        while let Some(found) = primitive.intersect(&ray, t_max) {
             if !(ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
                 break;
             }
@@ -96,92 +128,102 @@ impl<P: Primitive, K: HitSink> Tested<'_, P, K> {
 struct Filtered<'a, P: Primitive, T> {
     bvh: &'a WideBvh<P>,
     ray: &'a TracedRay,
-    order: Order,
     stack: &'a mut [u64],
     test: T,
 }
 
-impl<P: Primitive, T: Test> Task for Filtered<'_, P, T> {
+impl<P: Primitive, T: Test<P>> Task for Filtered<'_, P, T> {
     type Output = Visits;
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
-        let Self { bvh, ray, order, stack, test } = self;
-        let Shapes { order: ids, primitives } = &bvh.leaves;
+        let Self { bvh, ray, stack, test } = self;
         let line = match P::BALL {
             Some(_) => RayLine::to_balls(simd, &ray.scaled),
             None => RayLine::to_segments(simd, &ray.scaled),
         };
-        let mut leaves = Leaves { simd, ids, primitives, line, test, visits: Visits::default() };
+        let mut leaves = Leaves { simd, shapes: &bvh.leaves, line, test, visits: Visits::default() };
         let t_max = ray.scaled.t_max;
-        match order {
-            Order::Nearest => walk::<S, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves),
-            Order::Any => walk::<S, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves),
+        if leaves.test.is_ordered() {
+            walk::<S, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
+        } else {
+            walk::<S, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         }
         leaves.visits
     }
 }
 
 /// Up to so many primitives of a leaf are cheaper to test than their hulls; balls never.
-const FEW: usize = 1;
+const FEW: u32 = 1;
 
 /// Tests the hulls of leaves, eight at a time.
 struct Leaves<'a, S: Simd, P, T> {
     simd: S,
-    ids: &'a [PrimId],
-    primitives: &'a [P],
+    shapes: &'a Shapes<P>,
     line: RayLine<S>,
     test: T,
     visits: Visits,
 }
 
-impl<S: Simd, P: Primitive, T: Test> Leaves<'_, S, P, T> {
-    /// Which of up to eight primitives the ray may reach.
+impl<S: Simd, P: Primitive, T: Test<P>> Leaves<'_, S, P, T> {
+    /// Which of up to eight primitives, from a place on, the ray may reach.
     #[inline(always)]
-    fn reached(&self, ids: &[PrimId], t_max: f32) -> Reached<S> {
+    fn reached(&self, first: usize, n: usize, t_max: f32) -> Reached<S> {
         let simd = self.simd;
         let mut rows = [simd.splat(0.0); 8];
         let mut reached = match P::BALL {
             Some(ball) => {
                 // Always eight: a loop of unknown length takes longer, but for the wider rows of segments.
-                let last = ids.len() - 1;
-                for (k, row) in rows.iter_mut().enumerate() {
-                    let primitive = &self.primitives[ids[last.min(k)].index()];
-                    *row = simd.load_half(&numbers_of_ball(&ball(primitive)));
+                if let Some(run) = self.shapes.run(first, n) {
+                    for (k, row) in rows.iter_mut().enumerate() {
+                        *row = simd.load_half(&numbers_of_ball(&ball(&run[k.min(run.len() - 1)])));
+                    }
+                } else {
+                    for (k, row) in rows.iter_mut().enumerate() {
+                        *row = simd.load_half(&numbers_of_ball(&ball(self.shapes.at(first + k.min(n - 1)))));
+                    }
                 }
                 let [x, y, z, radius, ..] = simd.transpose(rows);
                 self.line.near_balls(simd, [x, y, z, radius], t_max)
             }
             None => {
                 let hull = P::HULL.expect("filtered primitives have a ball or a segment around them");
-                for (row, id) in rows.iter_mut().zip(ids) {
-                    *row = simd.load(&numbers(&hull(&self.primitives[id.index()])));
+                if let Some(run) = self.shapes.run(first, n) {
+                    for (row, primitive) in rows.iter_mut().zip(run) {
+                        *row = simd.load(&numbers(&hull(primitive)));
+                    }
+                } else {
+                    for (k, row) in rows.iter_mut().enumerate().take(n) {
+                        *row = simd.load(&numbers(&hull(self.shapes.at(first + k))));
+                    }
                 }
                 self.line.near_segments(simd, simd.transpose(rows), t_max)
             }
         };
-        reached.lanes &= (1 << ids.len()) - 1;
+        reached.lanes &= (1 << n) - 1;
         reached
     }
 }
 
-impl<S: Simd, P: Primitive, T: Test> Visitor for Leaves<'_, S, P, T> {
+impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
-        let ids = &self.ids[first as usize..(first + n) as usize];
-        if P::BALL.is_none() && ids.len() <= FEW {
-            for &id in ids {
-                t_max = self.test.test(id, t_max);
+        let Shapes { order, .. } = self.shapes;
+        let (first, end) = (first as usize, (first + n) as usize);
+        if !is_filtered::<P>() || P::BALL.is_none() && n <= FEW {
+            for place in first..end {
+                t_max = self.test.test(self.simd, self.shapes.at(place), order[place], t_max);
                 if t_max < 0.0 {
                     break;
                 }
             }
             return t_max;
         }
-        for ids in ids.chunks(8) {
-            let reached = self.reached(ids, t_max);
-            t_max = reached.each(self.simd, t_max, &mut TestLane { ids, test: &mut self.test });
+        for first in (first..end).step_by(8) {
+            let reached = self.reached(first, (end - first).min(8), t_max);
+            let mut test = TestLane { simd: self.simd, first, shapes: self.shapes, test: &mut self.test };
+            t_max = reached.each(self.simd, t_max, &mut test);
             if t_max < 0.0 {
                 break;
             }
@@ -196,14 +238,18 @@ impl<S: Simd, P: Primitive, T: Test> Visitor for Leaves<'_, S, P, T> {
 }
 
 /// Tests the primitive of a lane.
-struct TestLane<'a, T> {
-    ids: &'a [PrimId],
+struct TestLane<'a, S, P, T> {
+    simd: S,
+    /// The place of the first lane.
+    first: usize,
+    shapes: &'a Shapes<P>,
     test: &'a mut T,
 }
 
-impl<T: Test> VisitLane for TestLane<'_, T> {
+impl<S: Simd, P: Primitive, T: Test<P>> VisitLane for TestLane<'_, S, P, T> {
     #[inline(always)]
     fn lane(&mut self, lane: usize, t_max: f32) -> f32 {
-        self.test.test(self.ids[lane], t_max)
+        let place = self.first + lane;
+        self.test.test(self.simd, self.shapes.at(place), self.shapes.order[place], t_max)
     }
 }

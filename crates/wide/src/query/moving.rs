@@ -267,10 +267,10 @@ impl MovingBvh {
         let reach = moved.into_iter().fold(0.0, |reach: f32, x| reach.max(x.abs()));
         let traced = TracedRay::within(ray, &self.bvh.frame, f64::from(HIT_ERROR) * f64::from(reach));
         let prepared = K::prepare(ray);
-        let (triangles, mut n_tested) = (self.bvh.primitives(), 0);
-        let mut visits = self.bvh.visit(&traced, order, stack, &mut |id, t_max| {
+        let mut n_tested = 0;
+        let mut visits = self.bvh.visit(&traced, order, stack, &mut |triangle, id, t_max| {
             n_tested += 1;
-            let record = K::record(triangles[id.index()].at(ray.time));
+            let record = K::record(triangle.at(ray.time));
             match K::intersect(&prepared, ray, &record, t_max) {
                 Some(TriangleHit { t, u, v, side }) => take(hit(t, [u, v], side, id), t_max),
                 None => t_max,

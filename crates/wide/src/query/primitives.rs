@@ -1,13 +1,11 @@
 //! Rays through a BVH over primitives of the caller.
 
-use canted_obb::{Obb, PrimId};
+use canted_obb::Obb;
 use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, with_stack};
 
-use super::boxes::Order;
 use super::sink::{AllHits, AnyHit, BestHit};
 use crate::bvh::WideBvh;
-use crate::leaf::{Primitive, PrimitiveHit, hit, is_filtered};
-use crate::simd::{Simd, Task};
+use crate::leaf::Primitive;
 use crate::traverse::{Pads, TracedRay, for_each_of_eight};
 
 impl<P: Primitive> Intersect for WideBvh<P> {
@@ -74,82 +72,19 @@ impl<P: Primitive> WideBvh<P> {
 
     fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
         let mut best = BestHit::<false>::new(query);
-        best.visits = if is_filtered::<P>() {
-            self.search(ray, stack, &mut best)
-        } else {
-            self.visit(ray, Order::Nearest, stack, &mut |id, t_max| {
-                self.test(id, &ray.scaled, t_max, |ray, hit, t_max| best.take_hit(ray, hit, t_max))
-            })
-        };
+        best.visits = self.search(ray, stack, &mut best);
         best.hit(&ray.scaled)
     }
 
     fn occluded_by(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         let mut any = AnyHit::<false>::new(query);
-        any.visits = if is_filtered::<P>() {
-            self.search(ray, stack, &mut any)
-        } else {
-            self.visit(ray, Order::Any, stack, &mut |id, t_max| {
-                self.test(id, &ray.scaled, t_max, |ray, hit, t_max| any.take_hit(ray, hit, t_max))
-            })
-        };
+        any.visits = self.search(ray, stack, &mut any);
         any.found()
     }
 
     fn every(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
         let mut all = AllHits::new(query, hits);
-        let visits = self.visit(ray, Order::Any, stack, &mut |id, t_max| {
-            self.test(id, &ray.scaled, t_max, |ray, hit, t_max| all.take_hit(ray, hit, t_max))
-        });
-        all.visits = visits;
+        all.visits = self.search(ray, stack, &mut all);
         all.finish(&ray.scaled);
-    }
-
-    /// Passes on the hits on a primitive, one after another: the first may be rejected.
-    #[inline]
-    fn test(
-        &self,
-        id: PrimId,
-        ray: &ScaledRay,
-        mut t_max: f32,
-        mut take: impl FnMut(&ScaledRay, Hit, f32) -> f32,
-    ) -> f32 {
-        let primitive = &self.leaves.primitives[id.index()];
-        // With the instructions of the path, which change no bit.
-        let intersect = |ray: &ScaledRay, t_max: f32| self.path.run(Test { primitive, ray, t_max });
-        let Some(mut found) = intersect(ray, t_max) else { return t_max };
-        let mut ray = *ray;
-        loop {
-            // A primitive that breaks its contract must not keep the traversal from ending.
-            if !(ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
-                break;
-            }
-            t_max = take(&ray, hit(found.t, [found.u, found.v], found.side, id), t_max);
-            ray.t_min = found.t.next_up();
-            if ray.t_min > t_max {
-                break;
-            }
-            match intersect(&ray, t_max) {
-                Some(next) => found = next,
-                None => break,
-            }
-        }
-        t_max
-    }
-}
-
-/// The test of one primitive.
-struct Test<'a, P> {
-    primitive: &'a P,
-    ray: &'a ScaledRay,
-    t_max: f32,
-}
-
-impl<P: Primitive> Task for Test<'_, P> {
-    type Output = Option<PrimitiveHit>;
-
-    #[inline(always)]
-    fn on<S: Simd>(self, _: S) -> Self::Output {
-        self.primitive.intersect(self.ray, self.t_max)
     }
 }

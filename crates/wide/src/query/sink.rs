@@ -32,12 +32,6 @@ pub(crate) trait HitSink {
     /// Takes a hit with `t_min <= t <= t_max`, all scaled. Returns the new `t_max`; a negative one ends the traversal.
     fn take(&mut self, ray: &ScaledRay, hit: Hit, vertices: &[[f32; 3]; 3], t_max: f32) -> f32;
 
-    /// [`HitSink::ORDERED`].
-    #[inline(always)]
-    fn is_ordered(&self) -> bool {
-        Self::ORDERED
-    }
-
     /// Where the work is counted, if it is.
     #[inline(always)]
     fn visits(&mut self) -> Option<&mut Visits> {

@@ -199,6 +199,8 @@ impl<P: Primitive> WideBvh<P> {
             (self.nodes, self.leaves.order) = (nodes, order);
         }
         self.nodes.links = None;
+        let was_sorted = self.leaves.is_sorted();
+        self.leaves.unsort();
         let reference = reference_of(&primitives);
         let old_frame = self.frame;
         self.frame.reference = reference;
@@ -217,7 +219,11 @@ impl<P: Primitive> WideBvh<P> {
             moved.add(1, units, leaves, states);
         };
         let leaves = Leaves { n_parts: 1, path: self.path, keeps_items: false, turns_frames: false };
-        Ok(bvh.update(&mut self.leaves.order, leaves, &before, &after))
+        let refit = bvh.update(&mut self.leaves.order, leaves, &before, &after);
+        if was_sorted {
+            self.leaves.sort();
+        }
+        Ok(refit)
     }
 }
 

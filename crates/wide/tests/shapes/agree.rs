@@ -144,7 +144,7 @@ fn slices_and_filters_equal_single_rays() {
     let mut single = vec![];
     for (i, ray) in rays.iter().enumerate() {
         let want: Vec<Hit> =
-            loop_over_all(bvh.primitives(), ray).into_iter().filter(|hit| accepts(i, ray, hit)).collect();
+            loop_over_all(&bvh.primitives(), ray).into_iter().filter(|hit| accepts(i, ray, hit)).collect();
         assert_eq!((hits[i], occluded[i], &all[i]), (want.first().copied(), !want.is_empty(), &want), "{ray:?}");
         let mut accepts = Accept(|hit: &Hit| accepts(i, ray, hit));
         bvh.all_hits_with(ray, &mut accepts, &mut single);
