@@ -219,6 +219,7 @@ impl<P: Primitive> WideBvh<P> {
         let (nodes, order, predicted) = collapse(&chosen, tables, &config.costs, P::ERROR, limits, &leaves)
             .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (frame, costs) = (MeshFrame::new(chosen.rows, reference), config.costs);
+        drop(chosen);
         let mut leaves = Shapes::new(order, primitives);
         leaves.sort();
         Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs }.into())

@@ -305,7 +305,9 @@ impl<P: Primitive> LeafPrimitive for P {
 
     #[inline]
     fn for_each_shape(leaves: &Shapes<P>, leaf: LeafRange, mut visit: impl FnMut(PrimId, &P)) {
-        (leaf.first..leaf.first + leaf.n).for_each(|place| visit(leaves.order[place as usize], leaves.at(place as usize)));
+        for place in leaf.first as usize..(leaf.first + leaf.n) as usize {
+            visit(leaves.order[place], leaves.at(place));
+        }
     }
 
     #[inline]

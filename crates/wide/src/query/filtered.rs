@@ -209,11 +209,10 @@ impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
-        let Shapes { order, .. } = self.shapes;
         let (first, end) = (first as usize, (first + n) as usize);
         if !is_filtered::<P>() || P::BALL.is_none() && n <= FEW {
-            for place in first..end {
-                t_max = self.test.test(self.simd, self.shapes.at(place), order[place], t_max);
+            for (place, &id) in (first..end).zip(&self.shapes.order[first..end]) {
+                t_max = self.test.test(self.simd, self.shapes.at(place), id, t_max);
                 if t_max < 0.0 {
                     break;
                 }

@@ -342,7 +342,7 @@ fn pads_follow_the_stated_error() {
         rays.iter()
             .filter(|ray| {
                 let Some(scaled) = ScaledRay::new(ray) else { return false };
-                let tried = bvh.primitives().iter().filter_map(|p| p.intersect(&scaled, scaled.t_max));
+                let tried = bvh.primitives().into_iter().filter_map(|p| p.intersect(&scaled, scaled.t_max));
                 let want = tried.map(|hit| scaled.caller_t(hit.t)).reduce(f32::min);
                 bvh.closest_hit(ray).map(|hit| hit.t) != want
             })
