@@ -144,9 +144,9 @@ impl Closing<'_> {
                 let mut of_slots = [[[0.0; 8]; 3]; 2];
                 for (i, word) in self.words.iter().enumerate() {
                     let ends = if *word == ChildWord::EMPTY { Ends::EMPTY } else { ends(i, frame_of(rows, i)) };
-                    for k in 0..3 {
-                        (of_slots[0][k][i], of_slots[1][k][i]) = (ends.lo[k], -ends.hi[k]);
-                    }
+                    let [lo, minus_hi] = &mut of_slots;
+                    lo.iter_mut().zip(ends.lo).for_each(|(row, x)| row[i] = x);
+                    minus_hi.iter_mut().zip(ends.hi).for_each(|(row, x)| row[i] = -x);
                 }
                 for k in 0..3 {
                     (planes[0][k], planes[1][k]) = (down(&of_slots[0][k]), down(&of_slots[1][k]));
