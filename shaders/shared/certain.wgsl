@@ -84,9 +84,9 @@ var<private> best_at: u32;
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// A ray of the kernel's `rays`, read again on the way out of an instance. Otherwise it waits in registers meanwhile: RADV gfx1100 then takes
-/// 120 vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`: iterations
-/// have less than 32 bits.
+/// A ray of the kernel's `rays`, read again on the way out of an instance. Otherwise it waits in registers meanwhile: RADV gfx1100 then
+/// takes 120 vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`:
+/// iterations have less than 32 bits.
 fn ray_again(index: u32) -> Ray {
     return rays[index + (iterations >> 31u)];
 }
@@ -107,8 +107,8 @@ fn ray_of_top_level(t_min: f32) -> Ray {
     return Ray(shear.origin, t_min, vec3<f32>(shear.factors, shear.depth), FAR);
 }
 
-/// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the answer
-/// is certain.
+/// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the
+/// answer is certain.
 fn is_certain_hit(index: u32, any: bool) -> bool {
     let ray = rays[index];
     var word = enter_top_level(ray);

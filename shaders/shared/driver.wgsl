@@ -1,5 +1,5 @@
-// Rays through an acceleration structure of the driver, by its ray queries. Hits are those of the driver: it decides which triangle a ray near an edge
-// hits, and which of two at the same distance. `enable` comes before all declarations, so this head uses no other part.
+// Rays through an acceleration structure of the driver, by its ray queries. Hits are those of the driver: it decides which triangle a ray
+// near an edge hits, and which of two at the same distance. `enable` comes before all declarations, so this head uses no other part.
 enable wgpu_ray_query;
 
 @group(0) @binding(0) var driver_scene: acceleration_structure;

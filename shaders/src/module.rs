@@ -88,8 +88,8 @@ pub fn traversal_module<'a>(
     Ok(text.replace(CALL, &accepted))
 }
 
-/// The same names but those of surfaces, for rays that the driver traces: see `TracedScene::module` of `canted-gpu`. The text starts with an `enable` directive, so
-/// it comes first in a kernel.
+/// The same names but those of surfaces, for rays that the driver traces: see `TracedScene::module` of `canted-gpu`. The text starts with
+/// an `enable` directive, so it comes first in a kernel.
 ///
 /// # Errors
 /// A prefix that is no start of a name.

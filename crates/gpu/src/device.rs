@@ -66,8 +66,8 @@ impl Gpu {
         Self::opened(chosen, lower, Features::empty(), ExperimentalFeatures::disabled()).await
     }
 
-    /// Opens an adapter with the ray queries of its driver, for [`Source::DriverRayQueries`](crate::Source::DriverRayQueries). All else is as after [`Gpu::open`], which
-    /// does not ask for them: `wgpu` calls them experimental.
+    /// Opens an adapter with the ray queries of its driver, for [`Source::DriverRayQueries`](crate::Source::DriverRayQueries). All else is
+    /// as after [`Gpu::open`], which does not ask for them: `wgpu` calls them experimental.
     ///
     /// # Errors
     /// As for [`Gpu::open`]; [`GpuError::Unsupported`] if the adapter has none.

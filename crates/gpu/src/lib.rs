@@ -93,7 +93,8 @@
 //!
 //! # Limits
 //!
-//! No optional `wgpu` feature is required. Only [`Source::DriverRayQueries`] needs one, `EXPERIMENTAL_RAY_QUERY`, which [`Gpu::with_ray_queries`] asks for.
+//! No optional `wgpu` feature is required. Only [`Source::DriverRayQueries`] needs one, `EXPERIMENTAL_RAY_QUERY`, which
+//! [`Gpu::with_ray_queries`] asks for.
 //!
 //! | limit of the device | required |
 //! |---|---|

@@ -4,9 +4,10 @@
 //!
 //! What is proved, of the kernels of [`PROVED`]:
 //!
-//! * *Rays and answers*: an invocation without a ray returns first, by `arrayLength` of the rays; so does one whose list of rays ends before, by the length of the
-//!   list, or names a ray that is not there. `ray_again` reads the same ray, because iterations are bounded. The host refuses fewer answers than rays, and lists of undecided rays with room for fewer than are traced
-//!   (`trace/query`, `trace/stream`). The rows of a curve are those that the host wrote for its record (`trace/leaf_curves`).
+//! * *Rays and answers*: an invocation without a ray returns first, by `arrayLength` of the rays; so does one whose list of rays ends
+//!   before, by the length of the list, or names a ray that is not there. `ray_again` reads the same ray, because iterations are bounded.
+//!   The host refuses fewer answers than rays, and lists of undecided rays with room for fewer than are traced (`trace/query`,
+//!   `trace/stream`). The rows of a curve are those that the host wrote for its record (`trace/leaf_curves`).
 //! * *Nodes, triangles, instances*: a BVH of the CPU is checked when it is built or loaded, so its words refer to its own nodes and triangles; nodes
 //!   that the device builds are numbered from the sorted codes alone, whatever the vertices are. The top level refers to the uploaded instances.
 //! * *The stack*: it has an entry for each level of nodes, and the host makes it as large as the depth of the BVHs (`trace/scene`).
@@ -48,7 +49,7 @@ pub(crate) fn pipeline_cache(device: &Device, data: Option<&[u8]>) -> PipelineCa
 
 /// Agrees to experimental features, for a device whose caller asks for ray queries of the driver.
 pub(crate) fn experimental() -> ExperimentalFeatures {
-    // SAFETY: of such features this crate requests ray queries alone. `trace/driver` builds acceleration structures from buffers and instances that it checks and that
-    // outlive the build, `wgpu` checks the rest, and the kernels keep its checks of queries and rays.
+    // SAFETY: of such features this crate requests ray queries alone. `trace/driver` builds acceleration structures from buffers and
+    // instances that it checks and that outlive the build, `wgpu` checks the rest, and the kernels keep its checks of queries and rays.
     unsafe { ExperimentalFeatures::enabled() }
 }

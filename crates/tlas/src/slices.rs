@@ -53,7 +53,8 @@ impl<B: Intersect> Tlas<B> {
             for (rays, answers) in rays.chunks(EIGHT).zip(answers.chunks_mut(EIGHT)) {
                 let is_prepared = top.prepare(rays, &mut eight);
                 for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
-                    // Not an answer of all three, which would be in memory first: what is written in parts is read as a whole only once it has arrived.
+                    // Not an answer of all three, which would be in memory first: what is written in parts is read as a whole only once it
+                    // has arrived.
                     match if is_prepared { eight.ray(i) } else { Prepared::Alone } {
                         Prepared::Misses => *answer = A::default(),
                         Prepared::Alone => {

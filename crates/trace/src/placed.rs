@@ -173,7 +173,8 @@ impl<'a> WorldRay<'a> {
 
 /// The power of two at or below a positive normal number once that is rounded to the digits of an `f32`.
 ///
-/// Half a last digit of an `f32` is added to the bits, which carries into the exponent where rounding does: of two nearest ones the power of two is even.
+/// Half a last digit of an `f32` is added to the bits, which carries into the exponent where rounding does: of two nearest ones the power
+/// of two is even.
 #[inline(always)]
 fn power_below_rounded(x: f64) -> f64 {
     const HALF_DIGIT: u64 = 1 << (f64::MANTISSA_DIGITS - f32::MANTISSA_DIGITS - 1);

@@ -11,8 +11,8 @@ const TWO_LEVELS: usize = 184;
 
 /// Calls `run` with at least `n` entries, whose content means nothing.
 ///
-/// Single rays need it to be cheap: an allocation takes as long as a ray through a few nodes, and clearing a kilobyte as long as one. So each
-/// thread keeps its memory for the next ray.
+/// Single rays need it to be cheap: an allocation takes as long as a ray through a few nodes, and clearing a kilobyte as long as one. So
+/// each thread keeps its memory for the next ray.
 #[inline(always)]
 pub fn with_stack<R>(n: usize, run: impl FnOnce(&mut [u64]) -> R) -> R {
     if n <= TWO_LEVELS { with_kept(run) } else { with_allocated(n, run) }

@@ -1,5 +1,5 @@
-//! Rays that the driver traces by its ray queries. No bound of their hits is known, so they are compared with the CPU's where a ray is far from all edges,
-//! not nearly parallel to a triangle that it comes close to, and its hits are apart.
+//! Rays that the driver traces by its ray queries. No bound of their hits is known, so they are compared with the CPU's where a ray is far
+//! from all edges, not nearly parallel to a triangle that it comes close to, and its hits are apart.
 
 use canted_fixtures::SplitMix64;
 use canted_fixtures::device_tests::{Test, needs_device};
@@ -35,8 +35,8 @@ const EDGE: f64 = 1e-3;
 const SINE: f64 = 0.02;
 const APART: f64 = 1e-3;
 
-/// Differences of `t` and of weights that single precision explains for such rays: some 30 roundings of coordinates up to 10 over [`SINE`], and over the size of a
-/// triangle, which is at least 0.1.
+/// Differences of `t` and of weights that single precision explains for such rays: some 30 roundings of coordinates up to 10 over [`SINE`],
+/// and over the size of a triangle, which is at least 0.1.
 const OFF_T: f64 = 30.0 * 10.0 * 6e-8 / SINE;
 const OFF_WEIGHT: f64 = OFF_T / 0.1;
 

@@ -33,7 +33,8 @@ impl TracedScene {
     /// are those of any BVH of the CPU over the same triangles.
     ///
     /// # Errors
-    /// A scene of two levels, for which [`TracedScene::download_mesh`] is; structures of the driver; a BVH that is damaged; the device is lost.
+    /// A scene of two levels, for which [`TracedScene::download_mesh`] is; structures of the driver; a BVH that is damaged; the device is
+    /// lost.
     pub async fn download(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
         if self.tables().instances().is_some() {
             let what = "a download of a scene of two levels as one BVH; download its meshes".to_owned();

@@ -82,9 +82,10 @@ impl TracedScene {
     /// kernel includes the module of one scene, or those of several with different prefixes.
     ///
     /// # Rays of the driver
-    /// From [`Source::DriverRayQueries`](crate::Source::DriverRayQueries) the functions that trace rays answer with hits of the driver, and there are none of surfaces, whose bounds
-    /// follow from this crate's traversal: take normals from the program's vertices. `is_incomplete` stays false. The module starts with the directive `enable
-    /// wgpu_ray_query`, so its text comes before that of the kernel, and it takes no storage buffer, but an acceleration structure.
+    /// From [`Source::DriverRayQueries`](crate::Source::DriverRayQueries) the functions that trace rays answer with hits of the driver, and
+    /// there are none of surfaces, whose bounds follow from this crate's traversal: take normals from the program's vertices.
+    /// `is_incomplete` stays false. The module starts with the directive `enable wgpu_ray_query`, so its text comes before that of the
+    /// kernel, and it takes no storage buffer, but an acceleration structure.
     ///
     /// # Errors
     /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with
@@ -103,8 +104,8 @@ impl TracedScene {
         Ok(driver_module(options.group, options.prefix)?)
     }
 
-    /// The entries of a layout for [`TracedScene::bind_group`], the same for all scenes but [those of the driver](Self::is_of_driver), for a program that makes its layouts before its pipelines.
-    /// `visibility` are the stages that trace rays.
+    /// The entries of a layout for [`TracedScene::bind_group`], the same for all scenes but [those of the driver](Self::is_of_driver), for
+    /// a program that makes its layouts before its pipelines. `visibility` are the stages that trace rays.
     ///
     /// ```no_run
     /// # fn example(device: &canted_gpu::wgpu::Device, gpu: &canted_gpu::Gpu, scene: &canted_gpu::TracedScene) -> Result<(), canted_gpu::GpuError> {

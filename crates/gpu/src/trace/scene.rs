@@ -50,7 +50,8 @@ pub struct TracedScene {
 }
 
 impl TracedScene {
-    /// The only way to make one: from BVHs that the CPU built, or that the device builds, or from structures of the driver. Waits for the device.
+    /// The only way to make one: from BVHs that the CPU built, or that the device builds, or from structures of the driver. Waits for the
+    /// device.
     ///
     /// ```no_run
     /// use canted_gpu::{Choice, Gpu, Options, Source, TracedScene, build::WideConfig};
@@ -66,10 +67,10 @@ impl TracedScene {
     /// ```
     ///
     /// # Errors
-    /// Several meshes to build in one level; parts in two levels; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), also in world space; an unsupported
-    /// strategy; more than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is too close to singular at any time, see
-    /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); what [`Source::DriverRayQueries`] does not support; a limit of the device, or
-    /// device lost.
+    /// Several meshes to build in one level; parts in two levels; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), also in
+    /// world space; an unsupported strategy; more than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is
+    /// too close to singular at any time, see [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); what
+    /// [`Source::DriverRayQueries`] does not support; a limit of the device, or device lost.
     pub async fn new(gpu: &Gpu, source: Source<'_>, options: Options<'_>) -> Result<Self, GpuError> {
         let Options { parts, masked } = options;
         let levels = match source.instances() {
@@ -261,8 +262,9 @@ impl TracedScene {
         self.nodes.curves().moves
     }
 
-    /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene [has
-    /// curves](Self::has_curves) `exits`. Where the rays [are the driver's](Self::is_of_driver) there is no traversal, and kernels that use one are an error.
+    /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`, and where the scene
+    /// [has curves](Self::has_curves) `exits`. Where the rays [are the driver's](Self::is_of_driver) there is no traversal, and kernels
+    /// that use one are an error.
     #[must_use]
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.with(self.tables.level()).number(Number::MaxIterations, self.max_iterations);

@@ -37,15 +37,17 @@ pub enum Source<'a> {
         /// Two levels, of instances by index into `meshes`.
         instances: Option<&'a [Instance]>,
     },
-    /// Structures that the driver builds, for rays that it traces by its ray queries, on a device that was opened [with them](crate::Gpu::with_ray_queries).
+    /// Structures that the driver builds, for rays that it traces by its ray queries, on a device that was opened [with
+    /// them](crate::Gpu::with_ray_queries).
     ///
-    /// **Hits are those of the driver.** None of this crate's guarantees holds for them: a ray may pass between two triangles that share an edge, or miss a needle; `t` is
-    /// single precision in the space of the instance, without a bound; of hits at the same `t` any is reported, and one at an end of the ray's interval may be missed.
-    /// Another driver may give other hits.
+    /// **Hits are those of the driver.** None of this crate's guarantees holds for them: a ray may pass between two triangles that share an
+    /// edge, or miss a needle; `t` is single precision in the space of the instance, without a bound; of hits at the same `t` any is
+    /// reported, and one at an end of the ray's interval may be missed. Another driver may give other hits.
     ///
-    /// Queries and [`TracedScene::module`](crate::TracedScene::module) have the same names and layouts of hits as for other sources. Masks of instances have seven bits, or all.
-    /// Not supported, and an error: instances that move, [masked](Options::masked) triangles, [parts](Options::parts), functions that accept hits, kernels that use
-    /// `shared/traverse` as those of pictures do, and downloads. Curves are not triangles.
+    /// Queries and [`TracedScene::module`](crate::TracedScene::module) have the same names and layouts of hits as for other sources. Masks
+    /// of instances have seven bits, or all. Not supported, and an error: instances that move, [masked](Options::masked) triangles,
+    /// [parts](Options::parts), functions that accept hits, kernels that use `shared/traverse` as those of pictures do, and downloads.
+    /// Curves are not triangles.
     DriverRayQueries {
         /// The triangles of each mesh; of one mesh, in world space, without instances.
         meshes: Vec<&'a [Corners]>,

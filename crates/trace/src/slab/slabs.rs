@@ -19,8 +19,8 @@ pub struct Slabs {
     pub hi: [f32; 3],
 }
 
-/// Rounding of a projected point relative to the greatest coordinate: two sums and the outward step of exact products, whose absolute values
-/// sum up to at most √3 times that coordinate; 5.2 roundings, doubled for second-order terms.
+/// Rounding of a projected point relative to the greatest coordinate: two sums and the outward step of exact products, whose absolute
+/// values sum up to at most √3 times that coordinate; 5.2 roundings, doubled for second-order terms.
 const POINT_ERROR: f64 = 12.0 * UNIT_ROUNDOFF_F64;
 
 /// Rounding of a projected box: five roundings reach a term of the radius, two more the ends; doubled likewise.
@@ -90,7 +90,8 @@ impl Slabs {
         (row[0] * point[0] + row[1] * point[1]) + row[2] * point[2]
     }
 
-    /// The ends of a box from the least and the greatest [`Slabs::projection`] along each row, of points whose coordinates are at most `reach`.
+    /// The ends of a box from the least and the greatest [`Slabs::projection`] along each row, of points whose coordinates are at most
+    /// `reach`.
     #[inline(always)]
     #[must_use]
     pub fn ends(mut lo: [f64; 3], mut hi: [f64; 3], reach: f64) -> [[f64; 3]; 2] {

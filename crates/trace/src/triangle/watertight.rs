@@ -192,7 +192,8 @@ impl Axis {
         INDICES[self as usize]
     }
 
-    /// [`Axis::permute`] of numbers in registers, without a branch: a copy is indexed in memory, so that the vector itself stays in registers.
+    /// [`Axis::permute`] of numbers in registers, without a branch: a copy is indexed in memory, so that the vector itself stays in
+    /// registers.
     #[doc(hidden)]
     #[inline(always)]
     #[must_use]

@@ -96,8 +96,8 @@ mod huge {
     /// Bytes of a huge page on x86-64 and on most aarch64 systems. Elsewhere it is only an alignment.
     pub(super) const PAGE: usize = 1 << 21;
 
-    /// `n` records of zeros in anonymous memory for which huge pages were requested; `None` where they fill less than a page, or the system has no
-    /// memory of this kind.
+    /// `n` records of zeros in anonymous memory for which huge pages were requested; `None` where they fill less than a page, or the system
+    /// has no memory of this kind.
     pub(super) fn zeroed<T: Pod>(n: usize) -> Option<Memory<T>> {
         let n_bytes = n.checked_mul(size_of::<T>())?;
         if n_bytes < PAGE {

@@ -106,8 +106,8 @@ pub(crate) fn write_slabs(rows: &mut [Row], i: usize, padded: Option<(Slabs, f64
     }
 }
 
-/// Replaces the centers and half-extents along axis `k` of all slots, `lo` and `hi` the ends of their boxes, with their pads; slots where `lo` is
-/// greater keep what they hold.
+/// Replaces the centers and half-extents along axis `k` of all slots, `lo` and `hi` the ends of their boxes, with their pads; slots where
+/// `lo` is greater keep what they hold.
 #[inline(always)]
 pub(crate) fn write_intervals(rows: &mut [Row], k: usize, [lo, hi]: [&[f32; 8]; 2], pads: &[f64; 8]) {
     for i in 0..8 {
@@ -127,8 +127,8 @@ fn center_and_half(lo: f32, hi: f32, pad: f64) -> (f32, f32) {
         (f64::from(least(greatest(lo, f32::MIN), f32::MAX)), f64::from(least(greatest(hi, f32::MIN), f32::MAX)));
     let center = (0.5 * (lo + hi)) as f32;
     let (above, below) = (hi - f64::from(center), f64::from(center) - lo);
-    // Differences of f32 are exact in f64 except for a last bit, which the step upward covers (of a number that is not negative); the proof of
-    // the pads covers the rounding of the sum.
+    // Differences of f32 are exact in f64 except for a last bit, which the step upward covers (of a number that is not negative); the proof
+    // of the pads covers the rounding of the sum.
     let reach = f64::from_bits((if above > below { above } else { below }).to_bits() + 1) + pad;
     (center, least(magnitude_up(reach), f32::MAX))
 }

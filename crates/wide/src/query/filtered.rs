@@ -1,5 +1,5 @@
-//! Rays through the leaves of a BVH over primitives of the caller. Where these have hulls, leaves test eight hulls at once, and then the primitives
-//! that the ray may reach, in this order.
+//! Rays through the leaves of a BVH over primitives of the caller. Where these have hulls, leaves test eight hulls at once, and then the
+//! primitives that the ray may reach, in this order.
 
 use canted_obb::PrimId;
 use canted_trace::ScaledRay;

@@ -128,10 +128,11 @@ pub(crate) struct RayNumbers<N> {
 }
 
 impl RayNumbers<f32> {
-    /// The numbers of `ray` from `moved`, its origin relative to the reference point, thickened by `pads` in units of the space. Axes are lanes.
+    /// The numbers of `ray` from `moved`, its origin relative to the reference point, thickened by `pads` in units of the space. Axes are
+    /// lanes.
     ///
-    /// The origin is moved toward the near plane and away from the far one, so for a negative direction it is lowered for the near plane, which is the
-    /// upper one.
+    /// The origin is moved toward the near plane and away from the far one, so for a negative direction it is lowered for the near plane,
+    /// which is the upper one.
     ///
     /// Not of a moved copy of the ray: what was just written number by number is not read as a whole before all of it has arrived.
     #[inline(always)]

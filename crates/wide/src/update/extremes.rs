@@ -109,8 +109,8 @@ pub(super) struct Closing<'a> {
 }
 
 impl Closing<'_> {
-    /// Adds the boxes of the node to `sums`, writes them if pads are given, and returns what the boxes around the node depend on. `ends` are
-    /// those of the content of a slot along these rows.
+    /// Adds the boxes of the node to `sums`, writes them if pads are given, and returns what the boxes around the node depend on. `ends`
+    /// are those of the content of a slot along these rows.
     #[inline(always)]
     pub(super) fn close<S: Simd>(
         self,

@@ -5,10 +5,9 @@
 //! subtrees -> nodes above them -> predicted cost
 //! ```
 //!
-//! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
-//! the primitives now below it, relative to a reference point near them, and with the padding that belongs to them. Its frame is the old one;
-//! of oriented nodes over triangles, turned as the triangles have.
-//! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
+//! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of the primitives
+//! now below it, relative to a reference point near them, and with the padding that belongs to them. Its frame is the old one; of oriented
+//! nodes over triangles, turned as the triangles have. Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod boxes;
 mod extremes;
@@ -145,11 +144,11 @@ impl<P: LeafPrimitive> WideBvh<P> {
 impl TriangleBvh {
     /// Updates the BVH to new vertices of the same triangles; object space, in the order of the build.
     ///
-    /// Hits are then those of testing every new triangle, whatever the motion. What suffers is speed: which triangles share
-    /// a node stays as built, and so does the mesh frame of aligned boxes; oriented ones turn with their triangles. The drift predicts by how much: `benches/TRIED.md` lists
-    /// the slowdown of deformed meshes next to their drift. Where vertices move at random the mesh itself becomes more
-    /// expensive and a rebuild gains little; it is advised once, because a rebuild resets the drift. A refit takes a small
-    /// part of a build's time.
+    /// Hits are then those of testing every new triangle, whatever the motion. What suffers is speed: which triangles share a node stays as
+    /// built, and so does the mesh frame of aligned boxes; oriented ones turn with their triangles. The drift predicts by how much:
+    /// `benches/TRIED.md` lists the slowdown of deformed meshes next to their drift. Where vertices move at random the mesh itself becomes
+    /// more expensive and a rebuild gains little; it is advised once, because a rebuild resets the drift. A refit takes a small part of a
+    /// build's time.
     ///
     /// # Errors
     /// Another number of triangles, or the first triangle with an index out of range or a vertex that is not finite. The BVH

@@ -1,9 +1,10 @@
 //! How the content of a subtree has turned, and the frames of oriented boxes turned with it.
 //!
-//! Of two edges of each triangle, `M` is the sum of the products `after · beforeᵀ`. Where all edges turn by one rotation `R`, `M = R·S` with `S`
-//! symmetric; otherwise the orthogonal factor of `M` is the rotation that fits the edges best, by the squares of distances (Kabsch 1976). Long
-//! edges weigh more, as they do in a box. The factor is found by steps: `M - Mᵀ` of what is left is the cross product with `(tr(S)·I - S)·w`,
-//! `w` the axis, and `M` is turned back by it (after Müller et al. 2016, who take more steps along that vector without the inverse).
+//! Of two edges of each triangle, `M` is the sum of the products `after · beforeᵀ`. Where all edges turn by one rotation `R`, `M = R·S`
+//! with `S` symmetric; otherwise the orthogonal factor of `M` is the rotation that fits the edges best, by the squares of distances (Kabsch
+//! 1976). Long edges weigh more, as they do in a box. The factor is found by steps: `M - Mᵀ` of what is left is the cross product with
+//! `(tr(S)·I - S)·w`, `w` the axis, and `M` is turned back by it (after Müller et al. 2016, who take more steps along that vector without
+//! the inverse).
 //!
 //! A frame is a guess: boxes are computed from all vertices for whatever frame there is. So nothing here needs a bound on its errors.
 
@@ -180,8 +181,8 @@ fn product([aw, ax, ay, az]: Quaternion, [bw, bx, by, bz]: Quaternion) -> Quater
     ]
 }
 
-/// A frame turned by a quaternion, its rows unit vectors at right angles but for roundings; the frame itself where there is no rotation, and
-/// where its rows are not almost such vectors.
+/// A frame turned by a quaternion, its rows unit vectors at right angles but for roundings; the frame itself where there is no rotation,
+/// and where its rows are not almost such vectors.
 #[inline(always)]
 fn turned(frame: [[f32; 3]; 3], by: Quaternion) -> [[f32; 3]; 3] {
     let mut wide = [[0.0; 3]; 3];

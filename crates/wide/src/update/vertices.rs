@@ -140,8 +140,8 @@ impl Vertices {
         [lo, hi]
     }
 
-    /// A corner of eight triangles by coordinate: those from `first` on, the last eight of the range where fewer are left, and some repeated
-    /// where it has fewer at all.
+    /// A corner of eight triangles by coordinate: those from `first` on, the last eight of the range where fewer are left, and some
+    /// repeated where it has fewer at all.
     #[inline(always)]
     fn eight<S: Simd>(&self, simd: S, corner: usize, first: usize, range: &Range<usize>) -> [S::F; 3] {
         let mut lanes = [simd.splat(0.0); 3];
