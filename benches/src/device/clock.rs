@@ -25,7 +25,9 @@ impl Clock {
 pub(super) fn sentence(clock: Option<Clock>) -> String {
     match clock {
         None => "Clock of the card: not known.".to_owned(),
-        Some(Clock { lowest, highest }) => format!("Clock of the card: {lowest} to {highest} MHz."),
+        Some(Clock { lowest, highest }) => {
+            format!("Clock of the card, also between dispatches: {lowest} to {highest} MHz.")
+        }
     }
 }
 
@@ -53,7 +55,11 @@ pub(super) fn during<T>(adapter: &str, work: impl FnOnce() -> T) -> (T, Option<C
 fn read(adapter: &str) -> Option<u32> {
     let query = Command::new("nvidia-smi").args(["--query-gpu=name,clocks.sm", "--format=csv,noheader"]).output();
     let of_nvidia = query.ok().and_then(|output| of_nvidia(&String::from_utf8_lossy(&output.stdout), adapter));
+    let is_of_amd = ["AMD", "Radeon"].iter().any(|maker| adapter.contains(maker));
     of_nvidia.or_else(|| {
+        if !is_of_amd {
+            return None;
+        }
         let cards = fs::read_dir("/sys/class/drm").ok()?.flatten();
         let tables = cards.filter_map(|card| fs::read_to_string(card.path().join("device/pp_dpm_sclk")).ok());
         // Names of adapters are not in these files: the busiest card is the one that is measured.
@@ -61,13 +67,13 @@ fn read(adapter: &str) -> Option<u32> {
     })
 }
 
-/// Of lines such as `NVIDIA H200, 1980 MHz` that of this adapter.
+/// Of lines such as `NVIDIA H200, 1980 MHz` that of this adapter; of several such cards the busiest.
 fn of_nvidia(lines: &str, adapter: &str) -> Option<u32> {
     let of_line = |line: &str| {
         let (name, clock) = line.rsplit_once(',')?;
         (name.trim() == adapter).then(|| clock.trim().strip_suffix("MHz")?.trim().parse().ok()).flatten()
     };
-    lines.lines().find_map(of_line)
+    lines.lines().filter_map(of_line).max()
 }
 
 /// Of lines such as `1: 2482Mhz *` the one with the star, which is the present state.
@@ -85,6 +91,7 @@ mod tests {
         let lines = "NVIDIA A100, 210 MHz\nNVIDIA H200, 1980 MHz\n";
         assert_eq!(of_nvidia(lines, "NVIDIA H200"), Some(1980));
         assert_eq!(of_nvidia(lines, "NVIDIA A100"), Some(210));
+        assert_eq!(of_nvidia("NVIDIA H200, 345 MHz\nNVIDIA H200, 1980 MHz\n", "NVIDIA H200"), Some(1980));
         for unknown in ["", "NVIDIA H200, [N/A]\n", "NVIDIA H200\n", "No devices were found\n"] {
             assert_eq!(of_nvidia(unknown, "NVIDIA H200"), None, "{unknown}");
         }
@@ -97,7 +104,10 @@ mod tests {
 
     #[test]
     fn lowest_and_highest_readings_are_kept() {
-        assert_eq!(sentence(Clock::of(&[1410, 1980, 345])), "Clock of the card: 345 to 1980 MHz.");
+        assert_eq!(
+            sentence(Clock::of(&[1410, 1980, 345])),
+            "Clock of the card, also between dispatches: 345 to 1980 MHz."
+        );
         assert_eq!(sentence(Clock::of(&[])), "Clock of the card: not known.");
         // No card has this name; the work is done once.
         let mut n = 0;

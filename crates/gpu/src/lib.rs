@@ -94,7 +94,7 @@
 //! # Limits
 //!
 //! No optional `wgpu` feature is required. Only [`Source::DriverRayQueries`] needs one, `EXPERIMENTAL_RAY_QUERY`, which
-//! [`Gpu::with_ray_queries`] asks for.
+//! [`Gpu::with_ray_queries`] asks for; a program's own device needs the limits of `wgpu::Limits::using_acceleration_structure_values`, too.
 //!
 //! | limit of the device | required |
 //! |---|---|

@@ -74,7 +74,7 @@ fn instances() -> [Instance; 5] {
     })
 }
 
-/// Rays through the middle from all around, with masks.
+/// Rays through the middle from all around.
 fn rays(n: u32) -> Vec<Ray> {
     let mut random = SplitMix64::new(7);
     let one = |i| {
@@ -175,6 +175,11 @@ fn hits_of_one_level_are_those_of_the_cpu_away_from_edges() {
     };
     let [n_hits, n_misses, n_differing] = of(&soup);
     assert!(n_hits > 1500 && n_misses > 300 && n_differing == 0, "{n_hits}, {n_misses}, {n_differing}");
+    // Nothing to hit, in one level and in two.
+    let nothing: [&[Corners]; 1] = [&[]];
+    for source in [Source::driver_ray_queries(nothing), Source::driver_ray_queries([&soup]).with_instances(&[])] {
+        assert!(traced(&gpu, &scene(&gpu, source).unwrap(), &rays).iter().all(Option::is_none));
+    }
     // Other triangles, other numbers, and a mesh that is moved by a thousandth of its size are noticed.
     let mut others = soup.clone();
     others.pop();
@@ -325,13 +330,21 @@ fn what_the_driver_does_not_trace_is_refused() {
     let masked = [vec![true; 3]];
     assert_eq!(
         with(Options { masked: &masked, ..Options::default() }),
-        "masked triangles of BVHs that the device builds"
+        "not supported on the GPU: masked triangles by ray queries of the driver"
     );
     assert_eq!(
         with(Options { parts: &[0, 1], ..Options::default() }),
         "not supported on the GPU: parts of meshes by ray queries of the driver"
     );
+    let scaled = |scale: f32| Affine { columns: [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0; 3]] };
+    assert!(refused(Instance::new(0, scaled(1e-31))).contains("instance 0, which scales by less than 2^-100"));
+    assert!(refused(Instance::new(0, scaled(1e25))).contains("instance 0"));
     let scene = scene(&gpu, by_driver()).unwrap();
+    assert_eq!(
+        scene.stream_queries(&gpu, 8, None).err().unwrap().to_string(),
+        "not supported on the GPU: streams of rays by ray queries of the driver"
+    );
+    assert!(block_on(scene.download_mesh(&gpu, 3)).err().unwrap().to_string().contains("structures of the driver"));
     let accepting = ModuleOptions { accepts: Some("accepts"), ..ModuleOptions::from(1) };
     assert_eq!(
         scene.module(accepting).unwrap_err().to_string(),

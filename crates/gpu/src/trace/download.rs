@@ -36,6 +36,7 @@ impl TracedScene {
     /// A scene of two levels, for which [`TracedScene::download_mesh`] is; structures of the driver; a BVH that is damaged; the device is
     /// lost.
     pub async fn download(&self, gpu: &Gpu) -> Result<DownloadedBvh, GpuError> {
+        self.check_downloads()?;
         if self.tables().instances().is_some() {
             let what = "a download of a scene of two levels as one BVH; download its meshes".to_owned();
             return Err(GpuError::Unsupported { what });
@@ -48,6 +49,7 @@ impl TracedScene {
     /// # Errors
     /// A mesh that the scene does not have; as for [`TracedScene::download`].
     pub async fn download_mesh(&self, gpu: &Gpu, mesh: usize) -> Result<DownloadedBvh, GpuError> {
+        self.check_downloads()?;
         // The first header of two levels is that of the top level.
         let n_above = usize::from(self.tables().instances().is_some());
         let n_meshes = self.tables().headers().len() - n_above;
@@ -59,11 +61,18 @@ impl TracedScene {
         self.download_number(gpu, mesh + n_above).await
     }
 
+    /// Rejects scenes whose BVHs have no form here.
+    fn check_downloads(&self) -> Result<(), GpuError> {
+        let what = match self.nodes {
+            Nodes::Driver(_) => "structures of the driver",
+            _ if self.has_curves() => "a scene with curves",
+            _ => return Ok(()),
+        };
+        Err(GpuError::Unsupported { what: format!("a download of {what}") })
+    }
+
     /// The BVH with a header.
     async fn download_number(&self, gpu: &Gpu, number: usize) -> Result<DownloadedBvh, GpuError> {
-        if self.has_curves() {
-            return Err(GpuError::Unsupported { what: "a download of a scene with curves".to_owned() });
-        }
         let header = gpu.read(self.tables().headers()).await?[number];
         let flawed = |flaw: String| GpuError::Input { message: format!("the BVH on the device is damaged: {flaw}") };
         match &self.nodes {
@@ -79,9 +88,7 @@ impl TracedScene {
                 let [nodes, triangles] = [gpu.read(nodes).await?, gpu.read(triangles).await?];
                 wide(&nodes, &triangles, &header).map(DownloadedBvh::Wide).map_err(flawed)
             }
-            Nodes::Driver(_) => {
-                Err(GpuError::Unsupported { what: "a download of structures of the driver".to_owned() })
-            }
+            Nodes::Driver(_) => Err(flawed("the driver has it".to_owned())),
         }
     }
 }

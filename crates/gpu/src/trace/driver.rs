@@ -8,7 +8,7 @@ use wgpu::{
     BlasTriangleGeometrySizeDescriptor, CreateBlasDescriptor, CreateTlasDescriptor, Tlas, TlasInstance, VertexFormat,
 };
 
-use super::instances::untraceable;
+use super::instances::{check_scale, untraceable};
 use super::layout::check_coordinates;
 use crate::commands::AsBinding;
 use crate::{Buffer, Gpu, GpuError};
@@ -41,7 +41,7 @@ impl DriverScene {
     /// Uploads meshes, and has the driver build its structures. Without instances there is one of the only mesh.
     pub(super) fn new(gpu: &Gpu, meshes: &[&[Corners]], instances: Option<&[Instance]>) -> Result<Self, GpuError> {
         if !gpu.has_ray_queries() {
-            let what = "ray queries of the driver on a device without them; open it by Gpu::with_ray_queries";
+            let what = "ray queries of the driver on a device without them; open it by Gpu::with_ray_queries, or with EXPERIMENTAL_RAY_QUERY";
             return Err(GpuError::Unsupported { what: what.to_owned() });
         }
         let single = [Instance::new(0, canted_obb::Affine::IDENTITY)];
@@ -85,7 +85,13 @@ fn at_most(limit: &'static str, need: u32, most: u32) -> Result<(), GpuError> {
         return Ok(());
     }
     let what = "ray queries of the driver".to_owned();
-    Err(GpuError::Limit { what, need: need.into(), limit, most: most.into(), remedy: "use another Source" })
+    Err(GpuError::Limit {
+        what,
+        need: need.into(),
+        limit,
+        most: most.into(),
+        remedy: "open the device with its limits of acceleration structures, or use another Source",
+    })
 }
 
 /// A mesh with triangles.
@@ -93,6 +99,8 @@ struct Mesh {
     vertices: Buffer<Corners>,
     size: BlasTriangleGeometrySizeDescriptor,
     blas: Blas,
+    /// Greatest coordinate.
+    reach: f32,
 }
 
 impl Mesh {
@@ -124,7 +132,7 @@ impl Mesh {
         };
         let sizes = BlasGeometrySizeDescriptors::Triangles { descriptors: vec![size.clone()] };
         let vertices = gpu.for_driver("vertices for the driver", corners)?;
-        Ok(Some(Self { vertices, blas: gpu.guarded(|| gpu.device.create_blas(&descriptor, sizes))?, size }))
+        Ok(Some(Self { vertices, blas: gpu.guarded(|| gpu.device.create_blas(&descriptor, sizes))?, size, reach }))
     }
 
     fn build(&self) -> BlasBuildEntry<'_> {
@@ -151,7 +159,8 @@ fn placed(meshes: &[Option<Mesh>], number: usize, instance: &Instance) -> Result
         return Err(untraceable(&InstanceError::NoSuchBlas { instance: number, blas: instance.blas }));
     };
     // A transform that cannot be inverted has no rays.
-    instance.object_from_world(number).map_err(|error| untraceable(&error))?;
+    let inverse = instance.object_from_world(number).map_err(|error| untraceable(&error))?;
+    check_scale(number, &inverse)?;
     if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
         return refused("moves");
     }
@@ -160,7 +169,11 @@ fn placed(meshes: &[Option<Mesh>], number: usize, instance: &Instance) -> Result
         mask if mask <= MOST_OF_MASK => mask as u8,
         _ => return refused("has a mask of more than seven bits, but not all"),
     };
-    let Some(mesh) = mesh.as_ref().filter(|_| mask != 0) else { return Ok(None) };
+    let Some(mesh) = mesh else { return Ok(None) };
+    check_coordinates(|| format!("instance {number}"), instance.world_from_object.reach(mesh.reach))?;
+    if mask == 0 {
+        return Ok(None);
+    }
     let [x, y, z, shift] = instance.world_from_object.columns;
     let rows: [[f32; 4]; 3] = std::array::from_fn(|k| [x[k], y[k], z[k], shift[k]]);
     let rows = rows.as_flattened().try_into().expect("three rows of four");

@@ -104,9 +104,7 @@ impl Packing {
             );
             return Err(GpuError::Unsupported { what });
         }
-        if inverse.iter().flat_map(|row| &row[..3]).any(|x| x.abs() >= MOST_OF_INVERSE) {
-            return Err(GpuError::Unsupported { what: format!("instance {index}, which scales by less than 2^-100") });
-        }
+        check_scale(index, &inverse)?;
         let reach = ends().map(|end| end.reach(*reach_object)).fold(0.0, f64::max);
         check_coordinates(|| format!("instance {index}"), reach)?;
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
@@ -123,6 +121,14 @@ impl Packing {
         }
         Ok(())
     }
+}
+
+/// Rejects an instance whose inverse transform leaves the range of single precision.
+pub(super) fn check_scale(index: usize, inverse: &[[f64; 4]; 3]) -> Result<(), GpuError> {
+    if inverse.iter().flat_map(|row| &row[..3]).any(|x| x.abs() >= MOST_OF_INVERSE) {
+        return Err(GpuError::Unsupported { what: format!("instance {index}, which scales by less than 2^-100") });
+    }
+    Ok(())
 }
 
 impl Default for HitError {

@@ -84,8 +84,8 @@ impl TracedScene {
     /// # Rays of the driver
     /// From [`Source::DriverRayQueries`](crate::Source::DriverRayQueries) the functions that trace rays answer with hits of the driver, and
     /// there are none of surfaces, whose bounds follow from this crate's traversal: take normals from the program's vertices.
-    /// `is_incomplete` stays false. The module starts with the directive `enable wgpu_ray_query`, so its text comes before that of the
-    /// kernel, and it takes no storage buffer, but an acceleration structure.
+    /// `is_incomplete` stays false. The module starts with the directive `enable wgpu_ray_query;`, a line of its own, so its text comes before
+    /// that of the kernel; of a second such module leave that line out. It takes no storage buffer, but an acceleration structure.
     ///
     /// # Errors
     /// [`GpuError::Shader`] for a prefix that no name starts with, or a function with no such name; [`GpuError::Unsupported`] for a scene with

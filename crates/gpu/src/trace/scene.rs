@@ -51,7 +51,7 @@ pub struct TracedScene {
 
 impl TracedScene {
     /// The only way to make one: from BVHs that the CPU built, or that the device builds, or from structures of the driver. Waits for the
-    /// device.
+    /// device, but not for the driver's build.
     ///
     /// ```no_run
     /// use canted_gpu::{Choice, Gpu, Options, Source, TracedScene, build::WideConfig};
@@ -83,10 +83,13 @@ impl TracedScene {
         match &source {
             Source::Wide(bvh) => Self::uploaded(gpu, &[*bvh], masked, levels).await,
             Source::Tlas { bvhs, .. } => Self::uploaded(gpu, bvhs, masked, levels).await,
-            Source::Build { .. } | Source::DriverRayQueries { .. } if !masked.is_empty() => {
+            Source::Build { .. } if !masked.is_empty() => {
                 Err(GpuError::Input { message: "masked triangles of BVHs that the device builds".to_owned() })
             }
-            Source::DriverRayQueries { .. } if !parts.is_empty() => {
+            Source::DriverRayQueries { .. } if !masked.is_empty() => {
+                Err(GpuError::Unsupported { what: "masked triangles by ray queries of the driver".to_owned() })
+            }
+            Source::DriverRayQueries { .. } if parts.len() > 1 => {
                 Err(GpuError::Unsupported { what: "parts of meshes by ray queries of the driver".to_owned() })
             }
             Source::DriverRayQueries { meshes, instances } => Self::of_driver(gpu, meshes, *instances),

@@ -46,7 +46,7 @@ pub enum Source<'a> {
     ///
     /// Queries and [`TracedScene::module`](crate::TracedScene::module) have the same names and layouts of hits as for other sources. Masks
     /// of instances have seven bits, or all. Not supported, and an error: instances that move, [masked](Options::masked) triangles,
-    /// [parts](Options::parts), functions that accept hits, kernels that use `shared/traverse` as those of pictures do, and downloads.
+    /// [parts](Options::parts), functions that accept hits, streams, kernels that use `shared/traverse`, pictures, and downloads.
     /// Curves are not triangles.
     DriverRayQueries {
         /// The triangles of each mesh; of one mesh, in world space, without instances.

@@ -30,15 +30,15 @@ impl TracedScene {
     /// place of those of this crate, and decide which hits of [masked triangles](crate::Options::masked) count.
     ///
     /// # Errors
-    /// A scene with curves, some of whose rays the CPU must trace; own kernels where the rays are the driver's; a limit of the device.
+    /// A scene with curves, some of whose rays the CPU must trace; rays of the driver; a limit of the device.
     pub fn stream_queries(
         &self,
         gpu: &Gpu,
         n: usize,
         own: Option<[Arc<Kernel>; 2]>,
     ) -> Result<StreamQueries, GpuError> {
-        if self.is_of_driver() && own.is_some() {
-            return Err(GpuError::Unsupported { what: "own kernels beside ray queries of the driver".to_owned() });
+        if self.is_of_driver() {
+            return Err(GpuError::Unsupported { what: "streams of rays by ray queries of the driver".to_owned() });
         }
         let [own_closest, own_occluded] = own.map_or([None, None], |own| own.map(Some));
         let kernels = |names, own: Option<Arc<Kernel>>| {
@@ -113,9 +113,11 @@ impl StreamQueries {
         let of_list = [&bound[..], &[("listed", list as &dyn AsBinding)]].concat();
         let of_undecided = [&bound[..], &[("listed", &self.undecided as &dyn AsBinding)]].concat();
         match if is_closest { &self.closest } else { &self.occluded } {
-            // Not reached: such a scene has no queries.
-            Kernels::Host => return Err(GpuError::Input { message: "the CPU traces all rays".to_owned() }),
-            Kernels::Exact(kernel) | Kernels::Driver(kernel) => list.dispatch(commands, kernel, &of_list)?,
+            // Not reached: such scenes have no queries.
+            Kernels::Host | Kernels::Driver(_) => {
+                return Err(GpuError::Input { message: "the scene has no queries".to_owned() });
+            }
+            Kernels::Exact(kernel) => list.dispatch(commands, kernel, &of_list)?,
             Kernels::CertainFirst { certain, listed } => {
                 self.undecided.clear(commands);
                 for kernel in certain {

@@ -189,6 +189,9 @@ impl<'a> DevicePicture<'a> {
             return Err(DeviceError::Unsupported { what: LOBES });
         }
         let traced = make(scene)?;
+        if traced.is_of_driver() {
+            return Err(DeviceError::Unsupported { what: "pictures by ray queries of the driver" });
+        }
         let is_flat = matches!(bvh.levels(), SceneLevels::One(_));
         let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings, is_flat, materials)?;
         let sky = DeviceSky::new(gpu, scene)?;
