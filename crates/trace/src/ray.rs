@@ -121,7 +121,8 @@ impl ScaledRay {
         let is_exact = (f32::MIN_POSITIVE..BEYOND).contains(&greatest)
             & ((t_min == 0.0) | (f32::MIN_POSITIVE <= start))
             & (start <= f32::MAX)
-            & (f32::MIN_POSITIVE <= stop);
+            // Not equal, since a product below may have been rounded up to it.
+            & (f32::MIN_POSITIVE < stop);
         // Numbers, not a ray in memory: what is written in parts is read as a whole only once it has arrived.
         let (direction, t_min, t_max) = if is_exact {
             ([dx * from_scaled, dy * from_scaled, dz * from_scaled], start, stop.min(f32::MAX))
@@ -194,8 +195,10 @@ mod tests {
     #[test]
     fn rays_are_scaled_alike_by_f32_and_by_f64() {
         let (mut n_rays, mut n_rounded) = (0, 0);
-        let ends = [0.0, 1e-45, 3e-39, f32::MIN_POSITIVE, 1e-30, 0.3, 7.0, 1e30, f32::MAX];
-        for exponent in (-149..=127).step_by(3) {
+        // Scaled by a half or a quarter, the ends after that below the normal numbers are rounded to the least of these.
+        let [half, quarter] = [2.0, 4.0].map(|scale| (scale * f32::MIN_POSITIVE).next_down());
+        let ends = [0.0, 1e-45, 3e-39, f32::MIN_POSITIVE, half, quarter, 1e-30, 0.3, 7.0, 1e30, f32::MAX];
+        for exponent in (-149..=127).step_by(3).chain([-1, -2]) {
             let size = 2_f64.powi(exponent) as f32 * 1.37;
             let direction = [size, -size * 0.7e-38, size * 0.3];
             for (i, &t_min) in ends.iter().enumerate() {

@@ -6,8 +6,8 @@ use canted_obb::vector::{cross, dot, length, to_f64};
 
 /// A box for ray tests: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
 ///
-/// Rows are unit vectors up to the rounding of their components: `|row| <= 1 + 4u`. They need not be orthogonal. A flat
-/// box has `lo == hi`, an empty one `lo > hi`.
+/// Rows are unit vectors up to the rounding of their components: `|row| <= 1 + 4u`. They need not be orthogonal. An
+/// empty box has `lo > hi`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Slabs {

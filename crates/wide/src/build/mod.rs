@@ -225,7 +225,7 @@ impl<P: Primitive> WideBvh<P> {
         Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs }.into())
     }
 
-    /// The primitives in input order; their memory has the order of the leaves.
+    /// The primitives in input order. Their memory has the order of the leaves, until a single one is changed.
     #[must_use]
     pub fn primitives(&self) -> Vec<&P> {
         self.leaves.in_input_order()

@@ -46,7 +46,7 @@ pub use map::KnownFile;
 pub use raw::RawBvh;
 
 /// Changes with what the bytes mean.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 impl TriangleBvh {
     /// The BVH with its triangles as bytes, for [`TriangleBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on

@@ -332,11 +332,11 @@ fn row(&Ray { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max, .. }:
 }
 
 /// Lanes in which the product of an end of an interval with a power of two is exact: it is normal, or the end is zero or
-/// infinite.
+/// infinite. A product that is the least normal number may have been rounded up to it.
 #[inline(always)]
 fn exact<S: Simd>(simd: S, end: S::F, product: S::F) -> u32 {
     let (zero, largest) = (simd.splat(0.0), simd.splat(f32::MAX));
-    let normal = simd.le(simd.splat(f32::MIN_POSITIVE), product) & simd.le(product, largest);
+    let normal = simd.lt(simd.splat(f32::MIN_POSITIVE), product) & simd.le(product, largest);
     normal | simd.le(end, zero) | simd.lt(largest, end)
 }
 

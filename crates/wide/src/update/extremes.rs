@@ -149,7 +149,7 @@ impl Closing<'_> {
                     minus_hi.iter_mut().zip(ends.hi).for_each(|(row, x)| row[i] = -x);
                 }
                 for k in 0..3 {
-                    (planes[0][k], planes[1][k]) = (down(&of_slots[0][k]), down(&of_slots[1][k]));
+                    (planes[0][k], planes[1][k]) = (down_eight(&of_slots[0][k]), down_eight(&of_slots[1][k]));
                     if pads.is_some() {
                         write_intervals(rows, k, [&planes[0][k], &planes[1][k].map(|x| -x)], &pad);
                     }
@@ -183,7 +183,7 @@ fn half_areas([lo, minus_hi]: &[[[f32; 8]; 3]; 2]) -> [f64; 8] {
 
 /// The greatest `f32` that are at most `x`, without branches.
 #[inline(always)]
-fn down(x: &[f64; 8]) -> [f32; 8] {
+fn down_eight(x: &[f64; 8]) -> [f32; 8] {
     let mut all = [0.0; 8];
     for lane in 0..8 {
         let nearest = x[lane] as f32;
@@ -202,7 +202,7 @@ fn lowered(x: &[f32; 8], pad: &[f64; 8]) -> [f32; 8] {
     for lane in 0..8 {
         exact[lane] = f64::from(x[lane]) - pad[lane];
     }
-    let mut planes = down(&exact);
+    let mut planes = down_eight(&exact);
     for lane in 0..8 {
         let plane = if planes[lane] < f32::MIN { f32::MIN } else { planes[lane] };
         planes[lane] = if x[lane] == f32::INFINITY { NOWHERE } else { plane };

@@ -92,7 +92,7 @@ type Quaternion = [f32; 4];
 
 const IDENTITY: Quaternion = [1.0, 0.0, 0.0, 0.0];
 
-/// The rotation closest to a sum of products; none where that is not determined.
+/// The rotation closest to a sum of products; none where that is not determined, or beyond about a right angle.
 #[inline(always)]
 fn rotation(products: [f32; 9]) -> Quaternion {
     let mut greatest = 0.0;
@@ -141,8 +141,8 @@ fn step([xx, xy, xz, yx, yy, yz, zx, zy, zz]: &[f32; 9]) -> Quaternion {
     let tiny = 1e-6;
     let (a, b, c) = (yy + zz + tiny, xx + zz + tiny, xx + yy + tiny);
     let (d, e, f) = (-0.5 * (yz + zy), -0.5 * (xz + zx), -0.5 * (xy + yx));
-    let cofactors = [[b * c - d * d, e * d - f * c, f * d - e * b], [0.0, a * c - e * e, f * e - a * d]];
-    let ([aa, ab, ac], [_, bb, bc], cc) = (cofactors[0], cofactors[1], a * b - f * f);
+    let (aa, ab, ac) = (b * c - d * d, e * d - f * c, f * d - e * b);
+    let (bb, bc, cc) = (a * c - e * e, f * e - a * d, a * b - f * f);
     let determinant = a * aa + f * ab + e * ac;
     let is_regular = determinant > 0.0 && a > 0.0 && aa > 0.0;
     let scale = if is_regular { 1.0 / determinant } else { 0.0 };
@@ -182,7 +182,7 @@ fn product([aw, ax, ay, az]: Quaternion, [bw, bx, by, bz]: Quaternion) -> Quater
 }
 
 /// A frame turned by a quaternion, its rows unit vectors at right angles but for roundings; the frame itself where there is no rotation,
-/// and where its rows are not almost such vectors.
+/// and where its rows are far from such vectors.
 #[inline(always)]
 fn turned(frame: [[f32; 3]; 3], by: Quaternion) -> [[f32; 3]; 3] {
     let mut wide = [[0.0; 3]; 3];

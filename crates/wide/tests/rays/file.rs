@@ -97,7 +97,7 @@ fn other_files_and_other_versions_are_reported() {
     assert_eq!(with(0, b"\x7fELF").to_string(), "not a BVH file: it begins with \"\\x7fELFWIDE\"");
     let text = TriangleBvh::from_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap_err();
     assert_eq!(text.to_string(), "not a BVH file: it begins with \"v 0 0 0\\n\"");
-    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 6");
+    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 7");
 }
 
 #[test]
