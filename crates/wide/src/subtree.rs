@@ -135,7 +135,14 @@ impl<P: LeafPrimitive> Task for VisitAlong<'_, P> {
 
     #[inline(always)]
     fn on<S: Simd>(mut self, simd: S) {
-        walk::<S, true>(simd, &self.bvh.nodes, &self.ray.numbers, self.ray.scaled.t_max, self.stack, &mut self.called);
+        walk::<S, _, true>(
+            simd,
+            &self.bvh.nodes,
+            &self.ray.numbers,
+            self.ray.scaled.t_max,
+            self.stack,
+            &mut self.called,
+        );
     }
 }
 

@@ -247,8 +247,8 @@ fn visit_leaves<S: Simd>(
 ) -> Visits {
     let mut called = CalledForIds { ids, visit, visits: Visits::default() };
     match order {
-        Order::Nearest => walk::<S, true>(simd, nodes, numbers, t_max, stack, &mut called),
-        Order::Any => walk::<S, false>(simd, nodes, numbers, t_max, stack, &mut called),
+        Order::Nearest => walk::<S, _, true>(simd, nodes, numbers, t_max, stack, &mut called),
+        Order::Any => walk::<S, _, false>(simd, nodes, numbers, t_max, stack, &mut called),
     }
     called.visits
 }

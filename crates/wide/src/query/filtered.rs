@@ -145,9 +145,9 @@ impl<P: Primitive, T: Test<P>> Task for Filtered<'_, P, T> {
         let mut leaves = Leaves { simd, shapes: &bvh.leaves, line, test, visits: Visits::default() };
         let t_max = ray.scaled.t_max;
         if leaves.test.is_ordered() {
-            walk::<S, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
+            walk::<S, _, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         } else {
-            walk::<S, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
+            walk::<S, _, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         }
         leaves.visits
     }
@@ -206,6 +206,9 @@ impl<S: Simd, P: Primitive, T: Test<P>> Leaves<'_, S, P, T> {
 }
 
 impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
+    /// Programs compile the loop for each of their primitives, query and path.
+    const TWO_LOOPS: bool = false;
+
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);

@@ -51,9 +51,9 @@ pub(super) fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
     let (halves, prepared) = (&bvh.leaves.halves[..], RayTriangles::new(simd, scaled));
     let mut leaves = TriangleLeaves::<S, T, WATERTIGHT> { simd, halves, prepared, ray: scaled, sink };
     if T::ORDERED {
-        walk::<S, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
+        walk::<S, _, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     } else {
-        walk::<S, false>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
+        walk::<S, _, false>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     }
 }
 

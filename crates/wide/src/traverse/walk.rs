@@ -19,6 +19,9 @@ impl LeafRange {
 
 /// What a traversal calls.
 pub(crate) trait Visitor {
+    /// Whether there is a second loop for BVHs without oriented nodes.
+    const TWO_LOOPS: bool = true;
+
     /// The ray enters a leaf. Returns the new `t_max`; a negative one ends the traversal.
     fn leaf(&mut self, leaf: LeafRange) -> f32;
 
@@ -32,19 +35,19 @@ pub(crate) trait Visitor {
 /// BVH. `stack` has room for at least [`Nodes::stack_len`] subtrees that wait. Each is an integer: in its upper half the `t` at which the ray enters
 /// the subtree, in its lower half the child word. So the order of these integers is the order along the ray.
 #[inline(always)]
-pub(crate) fn walk<S: Simd, const ORDERED: bool>(
+pub(crate) fn walk<S: Simd, V: Visitor, const ORDERED: bool>(
     simd: S,
     nodes: &Nodes,
     ray: &RayNumbers<f32>,
     t_max: f32,
     stack: &mut [u64],
-    visitor: &mut impl Visitor,
+    visitor: &mut V,
 ) {
     // Two loops: what oriented nodes need of the ray would push what aligned ones need out of registers.
-    if nodes.has_oriented {
-        walk_nodes::<S, ORDERED, true>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
-    } else {
+    if V::TWO_LOOPS && !nodes.has_oriented {
         walk_nodes::<S, ORDERED, false>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
+    } else {
+        walk_nodes::<S, ORDERED, true>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
     }
 }
 
