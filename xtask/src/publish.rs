@@ -93,6 +93,10 @@ fn unpacked(packages: &Path) -> Result<PathBuf> {
         let (name, _) = unpacked.rsplit_once('-').with_context(|| format!("{unpacked} has no version"))?;
         manifest += &format!("{name} = {{ path = \"{unpacked}\" }}\n");
     }
+    // The profile that the lints have compiled the dependencies with.
+    let own = fs::read_to_string(command::root().join("Cargo.toml")).context("cannot read Cargo.toml")?;
+    let profile = own.find("[profile.dev]").context("Cargo.toml has no [profile.dev]")?;
+    manifest = manifest + "\n" + &own[profile..];
     fs::write(folder.join("Cargo.toml"), manifest).context("cannot write the manifest of the packages")?;
     // The versions that everything else was checked with.
     fs::copy(command::root().join("Cargo.lock"), folder.join("Cargo.lock")).context("cannot copy Cargo.lock")?;

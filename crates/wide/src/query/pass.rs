@@ -5,9 +5,9 @@ use canted_trace::{ScaledRay, TriangleTest};
 use super::sink::HitSink;
 use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
-use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
+use crate::node::{HalfBlock, NodeKind};
 use crate::simd::Simd;
-use crate::traverse::{Block, LeafRange, Pads, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
+use crate::traverse::{Blocks, LeafRange, Pads, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
 
 /// Pads for the default triangle test.
 pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
@@ -71,16 +71,11 @@ impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_,
     fn leaf(&mut self, leaf: LeafRange) -> f32 {
         let Self { simd, halves, prepared, ray, sink } = self;
         let simd = *simd;
-        let LeafRange { first, mut n, mut t_max } = leaf;
+        let LeafRange { first, n, mut t_max } = leaf;
         if let Some(visits) = sink.visits() {
             visits.leaf(n);
         }
-        // A leaf that starts in the second part of a half-block holds no more than that.
-        let shift = first as usize % PARTS * PART_LANES;
-        let mut first = first as usize / PARTS;
-        loop {
-            let block = Block::at(halves, first, n);
-            let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
+        for (block, filled) in Blocks::new(halves, first, n) {
             let candidates = match (T::ANY, T::SPLITS) {
                 (true, _) => block.candidates::<S, WATERTIGHT, true, false>(simd, prepared, t_max),
                 (false, true) => block.candidates::<S, WATERTIGHT, false, true>(simd, prepared, t_max),
@@ -109,12 +104,8 @@ impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_,
                     return t_max;
                 }
             }
-            if n <= 8 {
-                return t_max;
-            }
-            n -= 8;
-            first += 2;
         }
+        t_max
     }
 
     #[inline(always)]

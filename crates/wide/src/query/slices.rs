@@ -8,10 +8,11 @@ use canted_trace::{Accept, AcceptAt, Answers, Hit, Query, Ray, ScaledRay};
 use super::pass::{PADS, TriangleLeaves, pass_prepared};
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, Visits};
 use crate::bvh::TriangleBvh;
+use crate::leaf::hit;
 use crate::node::HalfBlock;
 use crate::simd::{Simd, Task};
 use crate::traverse::{
-    BLOCK, ENTRY, EightRays, GROUP, GroupLeaves, LeafRange, OVERHEAD, RayGroup, RayTriangles, TracedRay, Visitor,
+    BLOCK, Blocks, Bundle, ENTRY, EightRays, GROUP, GroupLeaves, LeafRange, OVERHEAD, RayGroup, RayTriangles, TracedRay, Visitor,
 };
 
 /// What a ray of a slice gets.
@@ -286,7 +287,8 @@ impl Group<'_> {
             t_max[i / 8][i % 8] = ray.t_max;
         }
         let halves = &bvh.leaves.halves;
-        let mut leaves = LeavesOfGroup { simd, halves, scaled: &scaled, prepared, is_prepared: 0, sinks };
+        let bundle = Bundle::new(simd, eights, &scaled[0]);
+        let mut leaves = LeavesOfGroup { simd, halves, scaled: &scaled, bundle, prepared, is_prepared: 0, sinks };
         let work = if A::Sink::<'_, PLAIN>::ORDERED {
             group.walk::<true>(simd, &bvh.nodes, &mut t_max, stack, &mut leaves, limit)
         } else {
@@ -305,6 +307,7 @@ struct LeavesOfGroup<'a, S: Simd, T> {
     simd: S,
     halves: &'a [HalfBlock],
     scaled: &'a [ScaledRay; GROUP],
+    bundle: Option<Bundle<S>>,
     prepared: &'a mut [RayTriangles<S>; GROUP],
     /// Which of them are those of this group.
     is_prepared: u32,
@@ -314,13 +317,66 @@ struct LeavesOfGroup<'a, S: Simd, T> {
 impl<S: Simd, T: HitSink> GroupLeaves for LeavesOfGroup<'_, S, T> {
     #[inline(always)]
     fn leaf(&mut self, i: usize, leaf: LeafRange) -> f32 {
-        let Self { simd, halves, scaled, prepared, is_prepared, sinks } = self;
+        let Self { simd, halves, scaled, prepared, is_prepared, sinks, .. } = self;
         let (ray, sink) = (&scaled[i], &mut sinks[i]);
         if *is_prepared >> i & 1 == 0 {
             *is_prepared |= 1 << i;
             prepared[i] = RayTriangles::new(*simd, ray);
         }
         TriangleLeaves::<S, _, true> { simd: *simd, halves, prepared: prepared[i], ray, sink }.leaf(leaf)
+    }
+
+    #[inline(always)]
+    fn can_test_together(&self) -> bool {
+        self.bundle.is_some()
+    }
+
+    #[inline(always)]
+    fn leaf_together(&mut self, mut rays: u32, (first, n): (u32, u32), t_max: &mut [[f32; 8]; 2]) -> (u32, bool) {
+        let Self { simd, halves, scaled, sinks, .. } = self;
+        let simd = *simd;
+        let (mut work, mut has_hit) = (0, false);
+        let Some(bundle) = &self.bundle else { return (work, has_hit) };
+        for (block, filled) in Blocks::new(halves, first, n) {
+            work += BLOCK;
+            let mut triangles = bundle.may_hit(simd, &block) & filled;
+            while triangles != 0 {
+                let triangle = triangles.trailing_zeros() as usize;
+                triangles &= triangles - 1;
+                let vertices = block.vertices(triangle);
+                for half in 0..2 {
+                    let entered = rays >> (8 * half) & 0xff;
+                    if entered == 0 {
+                        continue;
+                    }
+                    work += BLOCK;
+                    let t_max = &mut t_max[half];
+                    let found = if T::ANY {
+                        bundle.candidates::<true>(simd, half, &vertices, t_max)
+                    } else {
+                        bundle.candidates::<false>(simd, half, &vertices, t_max)
+                    };
+                    let mut mask = found.mask & entered;
+                    has_hit |= mask != 0;
+                    while mask != 0 {
+                        let lane = mask.trailing_zeros() as usize & 7;
+                        mask &= mask - 1;
+                        let i = 8 * half + lane;
+                        let (ray, sink) = (&scaled[i], &mut sinks[i]);
+                        if T::ANY && found.sure >> lane & 1 == 1 {
+                            t_max[lane] = sink.take_any();
+                        } else if let Some(of) = bundle.hit(simd, &found, (lane, ray), t_max[lane]) {
+                            let of = hit(of.t, [of.u, of.v], of.side, block.primitive(triangle));
+                            t_max[lane] = sink.take(ray, of, &vertices, t_max[lane]);
+                        }
+                        if t_max[lane] < 0.0 {
+                            rays &= !(1 << i);
+                        }
+                    }
+                }
+            }
+        }
+        (work, has_hit)
     }
 }
 

@@ -6,7 +6,7 @@ use canted_trace::lanes::{UNIT_ROUNDOFF as U, WEIGHTS_ERROR, WEIGHTS_HEADROOM};
 use canted_trace::{Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
 
 use super::ray::splat3;
-use crate::node::{HALF_BLOCK_WORDS, HalfBlock};
+use crate::node::{HALF_BLOCK_WORDS, HalfBlock, PART_LANES, PARTS};
 use crate::simd::Simd;
 
 /// What roundings may add to a squared lower bound.
@@ -78,12 +78,56 @@ impl<S: Simd> Candidates<S> {
         t_max: f32,
     ) -> Option<TriangleHit> {
         if WATERTIGHT {
-            let [a, b, c] = self.sheared;
-            let sheared = [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)];
-            return Watertight::intersect_sheared(scaled, ray.d_z, sheared, t_max);
+            return self.watertight_hit(simd, scaled, ray.d_z, lane, t_max);
         }
         // The hits of Baldwin and Weber are the same, by contract.
         MollerTrumbore::intersect(&(), scaled, vertices, t_max)
+    }
+
+    /// The watertight kernel's hit of a lane; `d_z` is the direction of its ray along the kernel's z.
+    #[inline(always)]
+    pub(super) fn watertight_hit(
+        &self,
+        simd: S,
+        scaled: &ScaledRay,
+        d_z: f32,
+        lane: usize,
+        t_max: f32,
+    ) -> Option<TriangleHit> {
+        let [a, b, c] = self.sheared;
+        let sheared = [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)];
+        Watertight::intersect_sheared(scaled, d_z, sheared, t_max)
+    }
+}
+
+/// The blocks of a leaf, each with its lanes that are of the leaf.
+pub(crate) struct Blocks<'a> {
+    halves: &'a [HalfBlock],
+    first: usize,
+    n: u32,
+    shift: usize,
+}
+
+impl<'a> Blocks<'a> {
+    #[inline(always)]
+    pub(crate) fn new(halves: &'a [HalfBlock], first: u32, n: u32) -> Self {
+        // A leaf that starts in the second part of a half-block holds no more than that.
+        let shift = first as usize % PARTS * PART_LANES;
+        Self { halves, first: first as usize / PARTS, n, shift }
+    }
+}
+
+impl<'a> Iterator for Blocks<'a> {
+    type Item = (Block<'a>, u32);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Self::Item> {
+        let &mut Self { halves, first, n, shift } = self;
+        if n == 0 {
+            return None;
+        }
+        (self.first, self.n) = (first + 2, n.saturating_sub(8));
+        Some((Block::at(halves, first, n), if n < 8 { ((1 << n) - 1) << shift } else { 0xff }))
     }
 }
 
@@ -139,79 +183,11 @@ impl<'a> Block<'a> {
         t_max: f32,
     ) -> Candidates<S> {
         if WATERTIGHT {
-            return self.edges::<S, SURE, INSIDE>(simd, ray, t_max);
+            let sheared = [self.sheared(simd, ray, 0), self.sheared(simd, ray, 3), self.sheared(simd, ray, 6)];
+            let ray = AlongZ { recip: ray.recip_z, t_min: ray.t_min, t_max: simd.splat(t_max) };
+            return edges::<S, SURE, INSIDE>(simd, sheared, &ray);
         }
         Candidates { mask: self.weights(simd, ray), sure: 0, inside: 0, sheared: [[ray.zero; 3]; 3] }
-    }
-
-    /// The watertight kernel's filter, then one of `t`.
-    ///
-    /// The sheared coordinates and edge functions repeat the kernel's f32 arithmetic, so their signs are its signs. Of
-    /// the remaining lanes, most belong to the triangle that a ray starts on; their `t` in f32 avoids the f64 work.
-    ///
-    /// # Error of `t`
-    /// `T = Σ U_i·z_i` with `z_i = A_z,i / d_z`, `det = Σ U_i`, S6 the sum of the six products' absolute values and
-    /// `Z = max|z_i|`. In f32 each `U_i` is off by 2.01 u of its two products, `z_i` by two roundings, the sums by
-    /// three: `T` by 8 u·S6·Z, `det` by 5 u·S6. Let the kernel accept `t = T*/det*`, a convex combination of the `z_i`,
-    /// so `t <= Z`. With signs flipped so that `det >= 0`, and its sign right, `T - t_max·det <= T - t·det`, which is at
-    /// most 13 u·S6·Z; if the sign is wrong, `|det| + |det*| <= 5 u·S6`, and it is no more. Likewise for `t_min`. One
-    /// u is for the product's rounding: 16 u cover it, with slack for second order. Where `2·S6·Z` overflows, the error
-    /// is infinite and nothing is dropped; what underflows is less than the smallest normal number times all factors.
-    ///
-    /// # Sure hits
-    /// Rounding is monotonic, so edge functions that are all positive, or all negative, in f32 are so exactly: the line hits the
-    /// inside of the triangle, at an exact `t <= Z`. Let `m = min(t_max, 2Z)`. In f32 `m·det` is off by `2Z·(5 u·S6 + 1.01 u·S6)`,
-    /// `T` by 8 u·S6·Z, and their difference by one rounding of at most 3·S6·Z: in all 24 u·S6·Z. So where the computed
-    /// `m·det - T` exceeds twice the error above, 32 u·S6·Z, exactly `t < m <= t_max`. Likewise `t > t_min`: where `t_min`
-    /// exceeds 2Z, `T - 2Z·det` is not positive, so it is not sure. The kernel rounds `t` to nearest, so its own
-    /// comparisons agree. A product that overflows makes the error infinite and nothing sure.
-    #[inline(always)]
-    fn edges<S: Simd, const SURE: bool, const INSIDE: bool>(
-        &self,
-        simd: S,
-        ray: &RayTriangles<S>,
-        t_max: f32,
-    ) -> Candidates<S> {
-        let a = self.sheared(simd, ray, 0);
-        let b = self.sheared(simd, ray, 3);
-        let c = self.sheared(simd, ray, 6);
-        let (u_1, u_2) = (simd.mul(c[0], b[1]), simd.mul(c[1], b[0]));
-        let (v_1, v_2) = (simd.mul(a[0], c[1]), simd.mul(a[1], c[0]));
-        let (w_1, w_2) = (simd.mul(b[0], a[1]), simd.mul(b[1], a[0]));
-        let (u, v, w) = (simd.sub(u_1, u_2), simd.sub(v_1, v_2), simd.sub(w_1, w_2));
-        let least = simd.min(simd.min(u, v), w);
-        let greatest = simd.max(simd.max(u, v), w);
-        let passing = !(simd.lt(least, ray.zero) & simd.lt(ray.zero, greatest)) & 0xff;
-        if passing == 0 {
-            return Candidates { mask: 0, sure: 0, inside: 0, sheared: [a, b, c] };
-        }
-        let tiny = simd.splat(f32::MIN_POSITIVE);
-        let det = simd.add(simd.add(u, v), w);
-        let z = [simd.mul(a[2], ray.recip_z), simd.mul(b[2], ray.recip_z), simd.mul(c[2], ray.recip_z)];
-        let t = simd.add(simd.add(simd.mul(u, z[0]), simd.mul(v, z[1])), simd.mul(w, z[2]));
-        let sum_u = simd.add(simd.abs(u_1), simd.abs(u_2));
-        let sum_v = simd.add(simd.abs(v_1), simd.abs(v_2));
-        let sum_w = simd.add(simd.abs(w_1), simd.abs(w_2));
-        let sum = simd.add(simd.add(sum_u, sum_v), sum_w);
-        let reach = simd.max(simd.max(simd.abs(z[0]), simd.abs(z[1])), simd.abs(z[2]));
-        let under = simd.mul(tiny, simd.add(simd.add(sum, reach), simd.splat(1.0)));
-        let error = simd.add(simd.mul(simd.splat(8.0 * U), simd.mul(simd.add(sum, sum), reach)), under);
-        // With all signs flipped so that det is positive: T - t_max·det > error, or t_min·det - T > error.
-        let (t, det) = (simd.xor_sign(t, det), simd.abs(det));
-        let late = simd.lt(error, simd.sub(t, simd.mul(simd.splat(t_max), det)));
-        let early = simd.lt(error, simd.sub(simd.mul(ray.t_min, det), t));
-        let mask = passing & !(late | early);
-        let (mut sure, mut inside) = (0, 0);
-        if (SURE || INSIDE) && mask != 0 {
-            inside = simd.lt(ray.zero, least) | simd.lt(greatest, ray.zero);
-        }
-        if SURE && mask != 0 {
-            let (farthest, twice) = (simd.add(reach, reach), simd.add(error, error));
-            let before_end = simd.sub(simd.mul(simd.min(simd.splat(t_max), farthest), det), t);
-            let after_start = simd.sub(t, simd.mul(simd.min(ray.t_min, farthest), det));
-            sure = mask & inside & simd.lt(twice, before_end) & simd.lt(twice, after_start);
-        }
-        Candidates { mask, sure, inside, sheared: [a, b, c] }
     }
 
     /// The vertex whose coordinates start at `row`, as the kernel shears it.
@@ -252,6 +228,81 @@ impl<'a> Block<'a> {
             self.row(simd, row + (ray.rows[2] & 3)),
         ]
     }
+}
+
+/// What the filter needs of rays along the kernel's z, where vertices are sheared.
+pub(super) struct AlongZ<S: Simd> {
+    /// The reciprocal of the direction.
+    pub(super) recip: S::F,
+    pub(super) t_min: S::F,
+    pub(super) t_max: S::F,
+}
+
+/// The watertight kernel's filter, then one of `t`.
+///
+/// The sheared coordinates and edge functions repeat the kernel's f32 arithmetic, so their signs are its signs. Of
+/// the remaining lanes, most belong to the triangle that a ray starts on; their `t` in f32 avoids the f64 work.
+///
+/// # Error of `t`
+/// `T = Σ U_i·z_i` with `z_i = A_z,i / d_z`, `det = Σ U_i`, S6 the sum of the six products' absolute values and
+/// `Z = max|z_i|`. In f32 each `U_i` is off by 2.01 u of its two products, `z_i` by two roundings, the sums by
+/// three: `T` by 8 u·S6·Z, `det` by 5 u·S6. Let the kernel accept `t = T*/det*`, a convex combination of the `z_i`,
+/// so `t <= Z`. With signs flipped so that `det >= 0`, and its sign right, `T - t_max·det <= T - t·det`, which is at
+/// most 13 u·S6·Z; if the sign is wrong, `|det| + |det*| <= 5 u·S6`, and it is no more. Likewise for `t_min`. One
+/// u is for the product's rounding: 16 u cover it, with slack for second order. Where `2·S6·Z` overflows, the error
+/// is infinite and nothing is dropped; what underflows is less than the smallest normal number times all factors.
+///
+/// # Sure hits
+/// Rounding is monotonic, so edge functions that are all positive, or all negative, in f32 are so exactly: the line hits the
+/// inside of the triangle, at an exact `t <= Z`. Let `m = min(t_max, 2Z)`. In f32 `m·det` is off by `2Z·(5 u·S6 + 1.01 u·S6)`,
+/// `T` by 8 u·S6·Z, and their difference by one rounding of at most 3·S6·Z: in all 24 u·S6·Z. So where the computed
+/// `m·det - T` exceeds twice the error above, 32 u·S6·Z, exactly `t < m <= t_max`. Likewise `t > t_min`: where `t_min`
+/// exceeds 2Z, `T - 2Z·det` is not positive, so it is not sure. The kernel rounds `t` to nearest, so its own
+/// comparisons agree. A product that overflows makes the error infinite and nothing sure.
+#[inline(always)]
+pub(super) fn edges<S: Simd, const SURE: bool, const INSIDE: bool>(
+    simd: S,
+    [a, b, c]: [[S::F; 3]; 3],
+    ray: &AlongZ<S>,
+) -> Candidates<S> {
+    let zero = simd.splat(0.0);
+    let (u_1, u_2) = (simd.mul(c[0], b[1]), simd.mul(c[1], b[0]));
+    let (v_1, v_2) = (simd.mul(a[0], c[1]), simd.mul(a[1], c[0]));
+    let (w_1, w_2) = (simd.mul(b[0], a[1]), simd.mul(b[1], a[0]));
+    let (u, v, w) = (simd.sub(u_1, u_2), simd.sub(v_1, v_2), simd.sub(w_1, w_2));
+    let least = simd.min(simd.min(u, v), w);
+    let greatest = simd.max(simd.max(u, v), w);
+    let passing = !(simd.lt(least, zero) & simd.lt(zero, greatest)) & 0xff;
+    if passing == 0 {
+        return Candidates { mask: 0, sure: 0, inside: 0, sheared: [a, b, c] };
+    }
+    let tiny = simd.splat(f32::MIN_POSITIVE);
+    let det = simd.add(simd.add(u, v), w);
+    let z = [simd.mul(a[2], ray.recip), simd.mul(b[2], ray.recip), simd.mul(c[2], ray.recip)];
+    let t = simd.add(simd.add(simd.mul(u, z[0]), simd.mul(v, z[1])), simd.mul(w, z[2]));
+    let sum_u = simd.add(simd.abs(u_1), simd.abs(u_2));
+    let sum_v = simd.add(simd.abs(v_1), simd.abs(v_2));
+    let sum_w = simd.add(simd.abs(w_1), simd.abs(w_2));
+    let sum = simd.add(simd.add(sum_u, sum_v), sum_w);
+    let reach = simd.max(simd.max(simd.abs(z[0]), simd.abs(z[1])), simd.abs(z[2]));
+    let under = simd.mul(tiny, simd.add(simd.add(sum, reach), simd.splat(1.0)));
+    let error = simd.add(simd.mul(simd.splat(8.0 * U), simd.mul(simd.add(sum, sum), reach)), under);
+    // With all signs flipped so that det is positive: T - t_max·det > error, or t_min·det - T > error.
+    let (t, det) = (simd.xor_sign(t, det), simd.abs(det));
+    let late = simd.lt(error, simd.sub(t, simd.mul(ray.t_max, det)));
+    let early = simd.lt(error, simd.sub(simd.mul(ray.t_min, det), t));
+    let mask = passing & !(late | early);
+    let (mut sure, mut inside) = (0, 0);
+    if (SURE || INSIDE) && mask != 0 {
+        inside = simd.lt(zero, least) | simd.lt(greatest, zero);
+    }
+    if SURE && mask != 0 {
+        let (farthest, twice) = (simd.add(reach, reach), simd.add(error, error));
+        let before_end = simd.sub(simd.mul(simd.min(ray.t_max, farthest), det), t);
+        let after_start = simd.sub(t, simd.mul(simd.min(ray.t_min, farthest), det));
+        sure = mask & inside & simd.lt(twice, before_end) & simd.lt(twice, after_start);
+    }
+    Candidates { mask, sure, inside, sheared: [a, b, c] }
 }
 
 /// One lane of a vector.

@@ -185,6 +185,12 @@ impl EightRays {
         self.are_all
     }
 
+    /// Origins as they were given, of rays within the range of the lanes.
+    #[inline(always)]
+    pub(super) fn given_origins(&self) -> &[[f32; 8]; 3] {
+        &self.origin
+    }
+
     /// Whether ray `i`, one of the first eight, can hit.
     #[inline(always)]
     pub(crate) fn can_hit(&self, i: usize) -> bool {

@@ -22,6 +22,9 @@ pub(crate) const BLOCK: u32 = 2;
 /// What a group costs beyond its tests: the numbers of each ray pass through memory.
 pub(crate) const OVERHEAD: u32 = 24;
 
+/// Fewest rays in a leaf that are tested together: which triangles they may hit takes as long as a block, and each of those twice that.
+const TOGETHER: u32 = 4;
+
 /// Entries of the stack that a subtree takes which waits: where the group enters it and its word, and the place of its box.
 pub(crate) const ENTRY: usize = 2;
 
@@ -124,6 +127,11 @@ impl<'a, S: Simd> RayGroup<'a, S> {
                     };
                     let mut mask = entered;
                     let mut has_hit = false;
+                    if mask.count_ones() >= TOGETHER && leaves.can_test_together() {
+                        let (tests, found) = leaves.leaf_together(mask, (first, n), t_max);
+                        (mask, has_hit) = (0, found);
+                        work += tests;
+                    }
                     while mask != 0 {
                         let i = mask.trailing_zeros() as usize & (GROUP - 1);
                         mask &= mask - 1;
@@ -211,6 +219,13 @@ fn enter_eight<S: Simd>(simd: S, rays: &EightRays, planes: &[[S::F; 2]; 3], t_ma
 pub(crate) trait GroupLeaves {
     /// Ray `i` enters a leaf. Returns its new `t_max`; a negative one ends its traversal.
     fn leaf(&mut self, i: usize, leaf: LeafRange) -> f32;
+
+    /// Whether the rays can be tested together.
+    fn can_test_together(&self) -> bool;
+
+    /// These rays enter a leaf of `n` triangles from `first`. Changes their `t_max`; a negative one ends the traversal. Returns the work, in tests of
+    /// nodes, and whether a `t_max` has changed.
+    fn leaf_together(&mut self, rays: u32, leaf: (u32, u32), t_max: &mut [[f32; 8]; 2]) -> (u32, bool);
 }
 
 /// Pushes all children, the farthest first where `ORDERED`, else the last first.
@@ -248,13 +263,13 @@ fn greatest_of_all([a, b]: &[[f32; 8]; 2]) -> f32 {
 }
 
 #[inline(always)]
-fn greatest_of(x: &[f32; 8]) -> f32 {
+pub(super) fn greatest_of(x: &[f32; 8]) -> f32 {
     let pairs = [f32::max(x[0], x[4]), f32::max(x[1], x[5]), f32::max(x[2], x[6]), f32::max(x[3], x[7])];
     f32::max(f32::max(pairs[0], pairs[1]), f32::max(pairs[2], pairs[3]))
 }
 
 #[inline(always)]
-fn least_of(x: &[f32; 8]) -> f32 {
+pub(super) fn least_of(x: &[f32; 8]) -> f32 {
     let pairs = [f32::min(x[0], x[4]), f32::min(x[1], x[5]), f32::min(x[2], x[6]), f32::min(x[3], x[7])];
     f32::min(f32::min(pairs[0], pairs[1]), f32::min(pairs[2], pairs[3]))
 }

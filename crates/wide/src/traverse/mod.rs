@@ -67,6 +67,7 @@
 
 mod balls;
 mod block;
+mod bundle;
 mod eight;
 mod group;
 mod hulls;
@@ -76,7 +77,8 @@ mod reach;
 mod walk;
 
 pub(crate) use balls::numbers_of_ball;
-pub(crate) use block::{Block, RayTriangles, SHRINK};
+pub(crate) use block::{Block, Blocks, RayTriangles, SHRINK};
+pub(crate) use bundle::Bundle;
 pub(crate) use eight::{EightRays, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
 pub(crate) use group::{BLOCK, ENTRY, GROUP, GroupLeaves, OVERHEAD, RayGroup};
