@@ -7,7 +7,7 @@ use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind};
 use crate::simd::Simd;
-use crate::traverse::{Blocks, LeafRange, Pads, RayNumbers, RayTriangles, TracedRay, Visitor, walk};
+use crate::traverse::{Blocks, LeafRange, Pads, RayNumbers, RayTriangles, ThroughTriangles, TracedRay, Visitor, walk};
 
 /// Pads for the default triangle test.
 pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
@@ -23,7 +23,7 @@ pub(super) fn pass_hits<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 ) {
     // Two values instead of one in memory: the kernels index the direction, and what is indexed stays in memory.
     let TracedRay { scaled, numbers } = *ray;
-    pass_prepared::<S, T, WATERTIGHT>(simd, bvh, (&scaled, &numbers), stack, sink);
+    pass_prepared::<S, T, _, WATERTIGHT>(simd, bvh, (&scaled, &numbers, &scaled), stack, sink);
 }
 
 /// [`pass_hits`] of a ray that is prepared here, with the default triangle test.
@@ -36,20 +36,20 @@ pub(super) fn pass_plain<S: Simd, T: HitSink>(
     sink: &mut T,
 ) {
     let numbers = RayNumbers::relative(simd, ray, &bvh.frame, PADS);
-    pass_prepared::<S, T, true>(simd, bvh, (ray, &numbers), stack, sink);
+    pass_prepared::<S, T, _, true>(simd, bvh, (ray, &numbers, ray), stack, sink);
 }
 
-/// [`pass_hits`] of a ray that is prepared.
+/// [`pass_hits`] of a ray that is prepared for nodes; and for triangles in its first leaf, from `ray`.
 #[inline(always)]
-pub(super) fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
+pub(super) fn pass_prepared<S: Simd, T: HitSink, R: ThroughTriangles, const WATERTIGHT: bool>(
     simd: S,
     bvh: &TriangleBvh,
-    (scaled, numbers): (&ScaledRay, &RayNumbers<f32>),
+    (scaled, numbers, ray): (&ScaledRay, &RayNumbers<f32>, R),
     stack: &mut [u64],
     sink: &mut T,
 ) {
-    let (halves, prepared) = (&bvh.leaves.halves[..], RayTriangles::new(simd, scaled));
-    let mut leaves = TriangleLeaves::<S, T, WATERTIGHT> { simd, halves, prepared, ray: scaled, sink };
+    let (halves, prepared) = (&bvh.leaves.halves[..], &mut None);
+    let mut leaves = TriangleLeaves::<S, T, R, WATERTIGHT> { simd, halves, scaled, ray, prepared, sink };
     if T::ORDERED {
         walk::<S, _, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     } else {
@@ -58,19 +58,27 @@ pub(super) fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 }
 
 /// Tests the triangles of each leaf that a ray enters, eight at a time.
-pub(super) struct TriangleLeaves<'a, S: Simd, T, const WATERTIGHT: bool> {
+pub(super) struct TriangleLeaves<'a, S: Simd, T, R, const WATERTIGHT: bool> {
     pub(super) simd: S,
     pub(super) halves: &'a [HalfBlock],
-    pub(super) prepared: RayTriangles<S>,
-    pub(super) ray: &'a ScaledRay,
+    pub(super) scaled: &'a ScaledRay,
+    pub(super) ray: R,
+    /// The ray, from its first leaf on.
+    pub(super) prepared: &'a mut Option<RayTriangles<S>>,
     pub(super) sink: &'a mut T,
 }
 
-impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_, S, T, WATERTIGHT> {
+impl<S: Simd, T: HitSink, R: ThroughTriangles, const WATERTIGHT: bool> Visitor
+    for TriangleLeaves<'_, S, T, R, WATERTIGHT>
+{
     #[inline(always)]
     fn leaf(&mut self, leaf: LeafRange) -> f32 {
-        let Self { simd, halves, prepared, ray, sink } = self;
-        let simd = *simd;
+        let &mut Self { simd, halves, scaled, ray, ref mut prepared, ref mut sink } = self;
+        // Not with a closure, which might not be compiled for the instructions of the path.
+        if prepared.is_none() {
+            **prepared = Some(ray.prepare(simd));
+        }
+        let Some(prepared) = &**prepared else { unreachable!("it has just been set") };
         let LeafRange { first, n, mut t_max } = leaf;
         if let Some(visits) = sink.visits() {
             visits.leaf(n);
@@ -92,13 +100,13 @@ impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_,
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
                 let vertices = block.vertices(lane);
-                let found = candidates.hit::<WATERTIGHT>(simd, prepared, ray, (lane, &vertices), t_max);
+                let found = candidates.hit::<WATERTIGHT>(simd, prepared, scaled, (lane, &vertices), t_max);
                 let Some(found) = found else { continue };
                 let found = hit(found.t, [found.u, found.v], found.side, block.primitive(lane));
                 t_max = if T::SPLITS && candidates.inside >> lane & 1 == 1 {
                     sink.take_inside(found, t_max)
                 } else {
-                    sink.take(ray, found, &vertices, t_max)
+                    sink.take(scaled, found, &vertices, t_max)
                 };
                 if t_max < 0.0 {
                     return t_max;

@@ -12,7 +12,7 @@ use crate::leaf::hit;
 use crate::node::HalfBlock;
 use crate::simd::{Simd, Task};
 use crate::traverse::{
-    BLOCK, Blocks, Bundle, ENTRY, EightRays, GROUP, GroupLeaves, LeafRange, OVERHEAD, RayGroup, RayTriangles, TracedRay, Visitor,
+    BLOCK, Blocks, Bundle, ENTRY, EightRays, GROUP, GroupLeaves, LeafRange, OVERHEAD, OneOfEight, RayGroup, RayTriangles, TracedRay, Visitor,
 };
 
 /// What a ray of a slice gets.
@@ -100,19 +100,17 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
         let Self { bvh, rays, mut first, accept, answers, stack } = self;
         let mut eights = [EightRays::new(), EightRays::new()];
         let mut plan = Plan::new(may_group(bvh, rays.len()));
-        // In the memory of earlier groups: each ray is prepared for its first leaf.
-        let any_ray = ScaledRay::from_parts(&Ray::new([0.0; 3], [1.0; 3]), [0.0; 2], 1.0);
-        let mut prepared = plan.is_possible.then_some([RayTriangles::new(simd, &any_ray); GROUP]);
+        let mut prepared = [None; GROUP];
         for (rays, answers) in rays.chunks(GROUP).zip(answers.chunks_mut(GROUP)) {
             let (low, high) = rays.split_at(rays.len().min(8));
             eights[0].prepare(simd, low, &bvh.frame, PADS);
             eights[1].prepare(simd, high, &bvh.frame, PADS);
             let mut way = if rays.len() == GROUP { plan.next() } else { Way::Alone };
-            if let (Way::Together(limit), Some(prepared)) = (way, &mut prepared) {
+            if let Way::Together(limit) = way {
                 let group = RayGroup::new(simd, &eights, &bvh.frame, PADS);
                 let work = group.and_then(|group| {
                     let of = Group { bvh, eights: &eights, rays, first, accept, limit };
-                    of.walk::<S, PLAIN, A>(simd, &group, prepared, answers, stack)
+                    of.walk::<S, PLAIN, A>(simd, &group, &mut prepared, answers, stack)
                 });
                 if let Some(work) = work {
                     plan.has_walked(work);
@@ -136,7 +134,8 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
                     continue;
                 }
                 let mut sink = A::sink::<PLAIN>(&mut filter);
-                pass_prepared::<S, _, true>(simd, bvh, (&scaled, &numbers), stack, &mut sink);
+                let ray = OneOfEight { rays: &eights[i / 8], i: i % 8 };
+                pass_prepared::<S, _, _, true>(simd, bvh, (&scaled, &numbers, ray), stack, &mut sink);
                 *answer = A::of(sink, &scaled);
             }
             if let Way::Counted = way {
@@ -272,7 +271,7 @@ impl Group<'_> {
         &self,
         simd: S,
         group: &RayGroup<'_, S>,
-        prepared: &mut [RayTriangles<S>; GROUP],
+        prepared: &mut [Option<RayTriangles<S>>; GROUP],
         answers: &mut [A],
         stack: &mut [u64],
     ) -> Option<u32> {
@@ -287,8 +286,9 @@ impl Group<'_> {
             t_max[i / 8][i % 8] = ray.t_max;
         }
         let halves = &bvh.leaves.halves;
-        let bundle = Bundle::new(simd, eights, &scaled[0]);
-        let mut leaves = LeavesOfGroup { simd, halves, scaled: &scaled, bundle, prepared, is_prepared: 0, sinks };
+        let bundle = Bundle::new(simd, eights);
+        prepared.fill(None);
+        let mut leaves = LeavesOfGroup { simd, halves, eights, scaled: &scaled, bundle, prepared, sinks };
         let work = if A::Sink::<'_, PLAIN>::ORDERED {
             group.walk::<true>(simd, &bvh.nodes, &mut t_max, stack, &mut leaves, limit)
         } else {
@@ -306,24 +306,21 @@ impl Group<'_> {
 struct LeavesOfGroup<'a, S: Simd, T> {
     simd: S,
     halves: &'a [HalfBlock],
+    eights: &'a [EightRays; 2],
     scaled: &'a [ScaledRay; GROUP],
     bundle: Option<Bundle<S>>,
-    prepared: &'a mut [RayTriangles<S>; GROUP],
-    /// Which of them are those of this group.
-    is_prepared: u32,
+    /// Those that have entered a leaf without most of the others.
+    prepared: &'a mut [Option<RayTriangles<S>>; GROUP],
     sinks: [T; GROUP],
 }
 
 impl<S: Simd, T: HitSink> GroupLeaves for LeavesOfGroup<'_, S, T> {
     #[inline(always)]
     fn leaf(&mut self, i: usize, leaf: LeafRange) -> f32 {
-        let Self { simd, halves, scaled, prepared, is_prepared, sinks, .. } = self;
-        let (ray, sink) = (&scaled[i], &mut sinks[i]);
-        if *is_prepared >> i & 1 == 0 {
-            *is_prepared |= 1 << i;
-            prepared[i] = RayTriangles::new(*simd, ray);
-        }
-        TriangleLeaves::<S, _, true> { simd: *simd, halves, prepared: prepared[i], ray, sink }.leaf(leaf)
+        let &mut Self { simd, halves, eights, scaled, ref mut prepared, ref mut sinks, .. } = self;
+        let ray = OneOfEight { rays: &eights[i / 8], i: i % 8 };
+        let (scaled, prepared, sink) = (&scaled[i], &mut prepared[i], &mut sinks[i]);
+        TriangleLeaves::<S, _, _, true> { simd, halves, scaled, ray, prepared, sink }.leaf(leaf)
     }
 
     #[inline(always)]
@@ -416,7 +413,8 @@ impl Task for AllOfSlice<'_> {
                 let (scaled, numbers) = eight.parts(lane, given);
                 let mut all = AllHits::new(&mut filter, hits);
                 all.may_reject = accept.is_some();
-                pass_prepared::<S, _, true>(simd, bvh, (&scaled, &numbers), stack, &mut all);
+                let ray = OneOfEight { rays: &eight, i: lane };
+                pass_prepared::<S, _, _, true>(simd, bvh, (&scaled, &numbers, ray), stack, &mut all);
                 all.finish(&scaled);
             }
             if let Answers::Lists(lists) = &mut answers {
@@ -476,8 +474,7 @@ mod tests {
             let &Both { bvh, rays, accept, pads } = self;
             let mut eights = [EightRays::new(), EightRays::new()];
             let mut stack = vec![0; ENTRY * bvh.nodes.stack_len()];
-            let any_ray = ScaledRay::from_parts(&Ray::new([0.0; 3], [1.0; 3]), [0.0; 2], 1.0);
-            let mut prepared = [RayTriangles::new(simd, &any_ray); GROUP];
+            let mut prepared = [None; GROUP];
             let (mut closest, mut any) = (vec![], vec![]);
             for (i, rays) in rays.chunks_exact(GROUP).enumerate() {
                 eights[0].prepare(simd, &rays[..8], &bvh.frame, PADS);

@@ -30,22 +30,40 @@ pub(crate) struct RayTriangles<S: Simd> {
 }
 
 impl<S: Simd> RayTriangles<S> {
+    /// Of a ray whose origin, direction and rows are permuted as [`Shear::axis`] says; the reciprocal is that of the direction's z.
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
-        let shear = Shear::new(ray);
-        let rows = shear.axis().indices();
-        let direction = shear.axis().permute_by_index(ray.direction);
-        let [s_x, s_y] = shear.factors();
+    pub(super) fn new(
+        simd: S,
+        (origin, direction, t_min): ([f32; 3], [f32; 3], f32),
+        rows: [usize; 3],
+        ([s_x, s_y], recip_z): ([f32; 2], f32),
+    ) -> Self {
         Self {
-            origin: splat3(simd, shear.axis().permute_by_index(ray.origin)),
+            origin: splat3(simd, origin),
             shear: [simd.splat(s_x), simd.splat(s_y)],
-            recip_z: simd.splat(1.0 / direction[2]),
+            recip_z: simd.splat(recip_z),
             zero: simd.splat(0.0),
-            t_min: simd.splat(ray.t_min),
+            t_min: simd.splat(t_min),
             d_z: direction[2],
             rows,
             direction: splat3(simd, direction),
         }
+    }
+}
+
+/// A ray that can be prepared for blocks of triangles: in its first leaf, for many rays reach none.
+pub(crate) trait ThroughTriangles: Copy {
+    /// The ray, prepared.
+    fn prepare<S: Simd>(self, simd: S) -> RayTriangles<S>;
+}
+
+impl ThroughTriangles for &ScaledRay {
+    #[inline(always)]
+    fn prepare<S: Simd>(self, simd: S) -> RayTriangles<S> {
+        let shear = Shear::new(self);
+        let axis = shear.axis();
+        let (origin, direction) = (axis.permute_by_index(self.origin), axis.permute_by_index(self.direction));
+        RayTriangles::new(simd, (origin, direction, self.t_min), axis.indices(), (shear.factors(), 1.0 / direction[2]))
     }
 }
 
@@ -364,7 +382,7 @@ mod tests {
             for (row, x) in rows.iter_mut().zip(self.vertices.as_flattened()) {
                 *row = [*x; 8];
             }
-            let ray = RayTriangles::new(simd, self.ray);
+            let ray = self.ray.prepare(simd);
             let found = Block::Eight(&rows).candidates::<S, true, true, false>(simd, &ray, self.t_max);
             assert_eq!(found.sure & !found.mask, 0);
             found.sure != 0

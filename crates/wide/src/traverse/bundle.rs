@@ -6,7 +6,7 @@
 //! edge functions satisfy `u·x_a + v·x_b + w·x_c = 0`, and their signs are exact. So where all `x` are positive, or all are negative, two edge
 //! functions have different signs, or all are zero, and the kernel finds no hit.
 
-use canted_trace::{ScaledRay, Shear, TriangleHit};
+use canted_trace::{ScaledRay, TriangleHit};
 
 use super::block::{AlongZ, Block, Candidates, edges};
 use super::eight::EightRays;
@@ -33,15 +33,15 @@ struct RaysInLanes<S: Simd> {
 }
 
 impl<S: Simd> Bundle<S> {
-    /// `None` where the kernel's z is not the same axis for all rays, or is not certainly.
+    /// `None` where the kernel's z is not the same axis for all rays.
     #[inline(always)]
-    pub(crate) fn new(simd: S, eights: &[EightRays; 2], first: &ScaledRay) -> Option<Self> {
-        let rows = Shear::new(first).axis().indices();
-        let [a, b] = [&eights[0], &eights[1]];
-        if !are_longest(simd, a, rows) || !are_longest(simd, b, rows) {
+    pub(crate) fn new(simd: S, eights: &[EightRays; 2]) -> Option<Self> {
+        let axis = eights[0].axis_of_all()?;
+        if eights[1].axis_of_all()? != axis {
             return None;
         }
-        let eights = [RaysInLanes::new(simd, a, rows), RaysInLanes::new(simd, b, rows)];
+        let rows = axis.indices();
+        let eights = [RaysInLanes::new(simd, &eights[0], rows), RaysInLanes::new(simd, &eights[1], rows)];
         let [a, b] = &eights;
         let origin = [
             ends(simd, a.origin[0], b.origin[0]),
@@ -130,24 +130,14 @@ impl<S: Simd> Bundle<S> {
 impl<S: Simd> RaysInLanes<S> {
     #[inline(always)]
     fn new(simd: S, rays: &EightRays, [i, j, k]: [usize; 3]) -> Self {
-        let (origin, direction) = (rays.given_origins(), &rays.numbers.direction);
-        let z = simd.load(&direction[k]);
+        let (origin, [s_x, s_y]) = (&rays.origin, &rays.shear);
         Self {
             origin: [simd.load(&origin[i]), simd.load(&origin[j]), simd.load(&origin[k])],
-            shear: [simd.div(simd.load(&direction[i]), z), simd.div(simd.load(&direction[j]), z)],
-            recip_z: simd.div(simd.splat(1.0), z),
+            shear: [simd.load(s_x), simd.load(s_y)],
+            recip_z: simd.load(&rays.recip_z),
             t_min: simd.load(&rays.numbers.t_min),
         }
     }
-}
-
-/// Whether the last of these components of the directions of all rays is greater than the others.
-#[inline(always)]
-fn are_longest<S: Simd>(simd: S, rays: &EightRays, [i, j, k]: [usize; 3]) -> bool {
-    let direction = &rays.numbers.direction;
-    let z = simd.abs(simd.load(&direction[k]));
-    let others = simd.max(simd.abs(simd.load(&direction[i])), simd.abs(simd.load(&direction[j])));
-    simd.lt(others, z) == 0xff
 }
 
 /// The least and the greatest number of both, each in all lanes.

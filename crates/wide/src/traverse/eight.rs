@@ -1,5 +1,6 @@
-use canted_trace::{Ray, ScaledRay};
+use canted_trace::{Axis, Ray, ScaledRay, Shear};
 
+use super::block::{RayTriangles, ThroughTriangles};
 use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay, reciprocal_and_toward};
 use crate::simd::{AvailablePath, Scalar, Simd, Task};
 
@@ -16,7 +17,11 @@ pub(crate) struct EightRays {
     to_scaled: [f64; 8],
     t_max: [f32; 8],
     /// Origins as they were given.
-    origin: [[f32; 8]; 3],
+    pub(super) origin: [[f32; 8]; 3],
+    /// Of the triangle test: shear factors and the reciprocal of the direction's greatest component, and two bits of the axis of that.
+    pub(super) shear: [[f32; 8]; 2],
+    pub(super) recip_z: [f32; 8],
+    axis: [u32; 2],
     /// Origins along the rows of the mesh frame, of rays within the range of the lanes.
     pub(super) along: [[f32; 8]; 3],
     /// Whether all are rays that can hit, within the range of the lanes.
@@ -46,6 +51,9 @@ impl EightRays {
             to_scaled: [0.0; 8],
             t_max: zero,
             origin: zeros,
+            shear: [zero; 2],
+            recip_z: zero,
+            axis: [0; 2],
             along: zeros,
             are_all: false,
             numbers,
@@ -125,6 +133,7 @@ impl EightRays {
         let power = simd.power_of_two(greatest);
         let from_scaled = simd.div(one, power);
         let direction = [simd.mul(dx, from_scaled), simd.mul(dy, from_scaled), simd.mul(dz, from_scaled)];
+        self.set_shear(simd, direction);
         let finite_t_max = simd.min(t_max, largest);
         // An end that overflows is rounded inward, to the greatest number.
         let (scaled_t_min, scaled_t_max) = (simd.mul(t_min, power), simd.min(simd.mul(finite_t_max, power), largest));
@@ -162,6 +171,38 @@ impl EightRays {
         (self.valid, self.beyond, self.t_max) = (valid, beyond, simd.store(scaled_t_max));
     }
 
+    /// What [`Shear::new`] computes: the greatest component by the same comparisons, the same quotients.
+    #[inline(always)]
+    fn set_shear<S: Simd>(&mut self, simd: S, [x, y, z]: [S::F; 3]) {
+        let (size_x, size_y, size_z) = (simd.abs(x), simd.abs(y), simd.abs(z));
+        let other = simd.max(size_y, size_z);
+        // The axis is x, or y unless its bit is set, too.
+        self.axis = [simd.lt(size_x, other), simd.lt(size_y, size_z)];
+        let greatest = simd.pick(size_x, other, simd.pick(size_y, size_z, z, y), x);
+        let first = simd.pick(size_x, other, simd.pick(size_y, size_z, x, z), y);
+        let second = simd.pick(size_x, other, simd.pick(size_y, size_z, y, x), z);
+        self.shear = [simd.store(simd.div(first, greatest)), simd.store(simd.div(second, greatest))];
+        self.recip_z = simd.store(simd.div(simd.splat(1.0), greatest));
+    }
+
+    /// The axis of the greatest component of all eight directions, if it is one.
+    #[inline(always)]
+    pub(super) fn axis_of_all(&self) -> Option<Axis> {
+        match self.axis {
+            [0, _] => Some(Axis::X),
+            [0xff, 0] => Some(Axis::Y),
+            [0xff, 0xff] => Some(Axis::Z),
+            _ => None,
+        }
+    }
+
+    /// The axis of the greatest component of the direction of ray `i`.
+    #[inline(always)]
+    fn axis(&self, i: usize) -> Axis {
+        let [is_not_x, is_z] = [self.axis[0] >> i & 1, self.axis[1] >> i & 1];
+        [Axis::X, Axis::Y, Axis::Z, Axis::Z][(is_not_x * (1 + is_z)) as usize & 3]
+    }
+
     /// Overwrites ray `i`.
     fn set(&mut self, i: usize, ray: &ScaledRay, of: &RayNumbers<f32>) {
         let numbers = &mut self.numbers;
@@ -175,6 +216,13 @@ impl EightRays {
         }
         numbers.t_min[i] = ray.t_min;
         numbers.pad_oriented[i] = of.pad_oriented;
+        let shear = Shear::new(ray);
+        let axis = shear.axis();
+        [self.shear[0][i], self.shear[1][i]] = shear.factors();
+        self.recip_z[i] = 1.0 / ray.direction[axis.index()];
+        for (bits, is_set) in self.axis.iter_mut().zip([axis != Axis::X, axis == Axis::Z]) {
+            *bits = *bits & !(1 << i) | u32::from(is_set) << i;
+        }
         self.t_max[i] = ray.t_max;
         self.to_scaled[i] = ray.scale();
     }
@@ -183,12 +231,6 @@ impl EightRays {
     #[inline(always)]
     pub(super) fn are_all(&self) -> bool {
         self.are_all
-    }
-
-    /// Origins as they were given, of rays within the range of the lanes.
-    #[inline(always)]
-    pub(super) fn given_origins(&self) -> &[[f32; 8]; 3] {
-        &self.origin
     }
 
     /// Whether ray `i`, one of the first eight, can hit.
@@ -233,6 +275,27 @@ impl EightRays {
             direction: [direction[0][i], direction[1][i], direction[2][i]],
             pad_oriented: pad_oriented[i],
         }
+    }
+}
+
+/// One of eight rays.
+#[derive(Clone, Copy)]
+pub(crate) struct OneOfEight<'a> {
+    pub(crate) rays: &'a EightRays,
+    pub(crate) i: usize,
+}
+
+impl ThroughTriangles for OneOfEight<'_> {
+    #[inline(always)]
+    fn prepare<S: Simd>(self, simd: S) -> RayTriangles<S> {
+        let (of, i) = (self.rays, self.i & 7);
+        let rows = of.axis(i).indices();
+        let [j, k, l] = rows;
+        let (origin, RayNumbers { direction, t_min, .. }) = (&of.origin, &of.numbers);
+        let (origin, direction) =
+            ([origin[j][i], origin[k][i], origin[l][i]], [direction[j][i], direction[k][i], direction[l][i]]);
+        let shear = ([of.shear[0][i], of.shear[1][i]], of.recip_z[i]);
+        RayTriangles::new(simd, (origin, direction, t_min[i]), rows, shear)
     }
 }
 

@@ -77,9 +77,9 @@ mod reach;
 mod walk;
 
 pub(crate) use balls::numbers_of_ball;
-pub(crate) use block::{Block, Blocks, RayTriangles, SHRINK};
+pub(crate) use block::{Block, Blocks, RayTriangles, SHRINK, ThroughTriangles};
 pub(crate) use bundle::Bundle;
-pub(crate) use eight::{EightRays, for_each_of_eight};
+pub(crate) use eight::{EightRays, OneOfEight, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
 pub(crate) use group::{BLOCK, ENTRY, GROUP, GroupLeaves, OVERHEAD, RayGroup};
 pub(crate) use hulls::numbers;
