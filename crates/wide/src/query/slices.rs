@@ -12,7 +12,8 @@ use crate::leaf::hit;
 use crate::node::HalfBlock;
 use crate::simd::{Simd, Task};
 use crate::traverse::{
-    BLOCK, Blocks, Bundle, ENTRY, EightRays, GROUP, GroupLeaves, LeafRange, OVERHEAD, OneOfEight, RayGroup, RayTriangles, TracedRay, Visitor,
+    BLOCK, Blocks, Bundle, ENTRY, EightRays, GROUP, GroupLeaves, LeafRange, OVERHEAD, OneOfEight, RayGroup,
+    RayTriangles, TracedRay, Visitor,
 };
 
 /// What a ray of a slice gets.

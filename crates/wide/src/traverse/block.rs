@@ -51,6 +51,17 @@ impl<S: Simd> RayTriangles<S> {
     }
 }
 
+#[cfg(test)]
+impl<S: Simd> RayTriangles<S> {
+    /// The bits of all numbers.
+    pub(super) fn bits(&self, simd: S) -> Vec<u64> {
+        let Self { origin, shear: [s_x, s_y], recip_z, zero, t_min, d_z, rows, direction } = self;
+        let lanes = [origin, direction].into_iter().flatten().chain([s_x, s_y, recip_z, zero, t_min]);
+        let numbers = lanes.flat_map(|&x| simd.store(x)).chain([*d_z]);
+        numbers.map(|x| u64::from(x.to_bits())).chain(rows.map(|row| row as u64)).collect()
+    }
+}
+
 /// A ray that can be prepared for blocks of triangles: in its first leaf, for many rays reach none.
 pub(crate) trait ThroughTriangles: Copy {
     /// The ray, prepared.

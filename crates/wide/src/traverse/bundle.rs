@@ -96,11 +96,11 @@ impl<S: Simd> Bundle<S> {
         let rays = &self.eights[half & 1];
         let [a, b, c] = vertices;
         let sheared = [self.sheared(simd, rays, a), self.sheared(simd, rays, b), self.sheared(simd, rays, c)];
-        edges::<S, SURE, false>(simd, sheared, &AlongZ {
-            recip: rays.recip_z,
-            t_min: rays.t_min,
-            t_max: simd.load(t_max),
-        })
+        edges::<S, SURE, false>(
+            simd,
+            sheared,
+            &AlongZ { recip: rays.recip_z, t_min: rays.t_min, t_max: simd.load(t_max) },
+        )
     }
 
     /// A vertex as the kernel shears it for each ray.
@@ -147,3 +147,115 @@ fn ends<S: Simd>(simd: S, a: S::F, b: S::F) -> [S::F; 2] {
 }
 
 const _: () = assert!(GROUP == 16, "a bundle has two vectors of rays");
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_obb::Obb;
+    use canted_trace::{Kernel, Ray, ReferencePoint, Watertight};
+
+    use super::*;
+    use crate::simd::{SimdPath, Task};
+    use crate::traverse::{MeshFrame, Pads};
+
+    /// Eight triangles against a group: as the kernel finds, with the intervals of the group or with those of its least numbers alone.
+    struct Tested<'a> {
+        rays: &'a [Ray],
+        triangles: &'a [[[f32; 3]; 3]; 8],
+        are_least: bool,
+    }
+
+    #[derive(Default)]
+    struct Found {
+        n_hits: usize,
+        n_lost: usize,
+        n_beside: usize,
+        n_wrong: usize,
+    }
+
+    impl Task for Tested<'_> {
+        type Output = Option<Found>;
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> Option<Found> {
+            let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
+            let mut eights = [EightRays::new(), EightRays::new()];
+            eights[0].prepare(simd, &self.rays[..8], &frame, Pads::of(0.0));
+            eights[1].prepare(simd, &self.rays[8..], &frame, Pads::of(0.0));
+            let mut bundle = Bundle::new(simd, &eights)?;
+            if self.are_least {
+                bundle.origin = bundle.origin.map(|[least, _]| [least; 2]);
+                bundle.shear = bundle.shear.map(|[least, _]| [least; 2]);
+            }
+            let mut rows = [[0.0; 8]; 10];
+            for (lane, triangle) in self.triangles.iter().enumerate() {
+                for (row, &x) in rows.iter_mut().zip(triangle.as_flattened()) {
+                    row[lane] = x;
+                }
+            }
+            let may_hit = bundle.may_hit(simd, &Block::Eight(&rows));
+            let mut found = Found { n_beside: 8 - may_hit.count_ones() as usize, ..Found::default() };
+            for (i, ray) in self.rays.iter().enumerate() {
+                let scaled = ScaledRay::new(ray).expect("a ray that can hit");
+                for (k, triangle) in self.triangles.iter().enumerate() {
+                    let want = Watertight::intersect(&Watertight::prepare(&scaled), &scaled, triangle, scaled.t_max);
+                    let lanes = bundle.candidates::<true>(simd, i / 8, triangle, &[scaled.t_max; 8]);
+                    let (may, is_sure) = (lanes.mask >> (i % 8) & 1 == 1, lanes.sure >> (i % 8) & 1 == 1);
+                    let got = may.then(|| bundle.hit(simd, &lanes, (i % 8, &scaled), scaled.t_max)).flatten();
+                    found.n_hits += usize::from(want.is_some());
+                    found.n_lost += usize::from(want.is_some() && may_hit >> k & 1 == 0);
+                    found.n_wrong += usize::from(got != want || is_sure && want.is_none());
+                }
+            }
+            Some(found)
+        }
+    }
+
+    #[test]
+    fn bundles_have_the_hits_of_the_kernel_and_those_of_less_lose_some() {
+        let mut rng = SplitMix64::new(4);
+        let mut all = [Found::default(), Found::default()];
+        for round in 0..4000 {
+            let spread = [0.0, 1e-6, 0.02, 0.5][round % 4];
+            let offset = [0.0, 1e3, 1e7][round / 4 % 3] * rng.unit();
+            let size = [1.0, 0.05, 1e-3][round / 12 % 3];
+            let mut point = |scale: f64| rng.signed3().map(|x| (offset + scale * x) as f32);
+            // Some are flat, some share their vertices' coordinates.
+            let triangles: [[[f32; 3]; 3]; 8] = std::array::from_fn(|i| {
+                let [a, b, c] = [point(1.0), point(1.0), point(1.0)];
+                let near = |v: [f32; 3]| [0, 1, 2].map(|k| a[k] + (v[k] - a[k]) * size);
+                Watertight::record(if i == 0 { [a, near(b), a] } else { [a, near(b), near(c)] })
+            });
+            let target = triangles[round % 8];
+            let start = point(3.0);
+            let rays: Vec<Ray> = (0..GROUP)
+                .map(|i| {
+                    let weights = [0.3, 0.3, 0.4];
+                    let of = |k: usize| (0..3).map(|j| weights[j] * target[j][k]).sum::<f32>();
+                    let (a, b) = (rng.signed3(), rng.signed3());
+                    let origin = [0, 1, 2].map(|k| start[k] + (spread * a[k]) as f32);
+                    let end =
+                        if i % 5 == 0 { target[i % 3] } else { [0, 1, 2].map(|k| of(k) + (spread * b[k]) as f32) };
+                    Ray::new(origin, [0, 1, 2].map(|k| end[k] - origin[k]))
+                })
+                .collect();
+            if rays.iter().any(|ray| ScaledRay::new(ray).is_none()) {
+                continue;
+            }
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                for (all, are_least) in all.iter_mut().zip([false, true]) {
+                    let tested = Tested { rays: &rays, triangles: &triangles, are_least };
+                    let Some(found) = path.available().run(tested) else { continue };
+                    assert_eq!(found.n_wrong, 0, "{}: {rays:?} {triangles:?}", path.name());
+                    all.n_hits += found.n_hits;
+                    all.n_lost += found.n_lost;
+                    all.n_beside += found.n_beside;
+                }
+            }
+        }
+        let [right, less] = all;
+        assert!(right.n_hits > 50_000 && right.n_beside > 10_000, "{} {}", right.n_hits, right.n_beside);
+        assert_eq!(right.n_lost, 0);
+        assert!(less.n_lost > 100, "{}", less.n_lost);
+    }
+}

@@ -453,7 +453,7 @@ mod tests {
     }
 
     impl Task for Both<'_> {
-        type Output = [Vec<Option<TracedRay>>; 2];
+        type Output = [Vec<Option<Vec<u64>>>; 2];
 
         #[inline(always)]
         fn on<S: Simd>(self, simd: S) -> Self::Output {
@@ -461,8 +461,14 @@ mod tests {
             let pads = Pads::of(canted_trace::HIT_ERROR);
             let mut eight = EightRays::new();
             eight.prepare(simd, rays, frame, pads);
-            let alone = |ray: &Ray| Some(TracedRay::new(&ScaledRay::new(ray)?, frame, pads));
-            let together = rays.iter().enumerate().map(|(i, ray)| eight.ray(i, ray));
+            let alone = |ray: &Ray| {
+                let ray = TracedRay::new(&ScaledRay::new(ray)?, frame, pads);
+                Some([bits(&ray), (&ray.scaled).prepare(simd).bits(simd)].concat())
+            };
+            let together = rays.iter().enumerate().map(|(i, ray)| {
+                let ray = eight.ray(i, ray)?;
+                Some([bits(&ray), OneOfEight { rays: &eight, i }.prepare(simd).bits(simd)].concat())
+            });
             [together.collect(), rays.iter().map(alone).collect()]
         }
     }
@@ -518,7 +524,6 @@ mod tests {
                 let frame = &frames[round % 4];
                 let [together, alone] = path.available().run(Both { rays: &rays, frame });
                 for ((ray, a), b) in rays.iter().zip(together).zip(alone) {
-                    let (a, b) = (a.as_ref().map(bits), b.as_ref().map(bits));
                     assert_eq!(a, b, "{ray:?}, {}", path.name());
                     n_hitting += usize::from(b.is_some());
                 }
