@@ -200,7 +200,7 @@ impl Singles {
         let jitter = || mix(self.jitter ^ sample);
         match &self.pattern {
             SinglePattern::Random => unit(jitter() >> 8),
-            SinglePattern::Stratified(strata) => jittered(strata.of(sample % strata.n), strata.n, jitter()),
+            SinglePattern::Stratified(strata) => jittered(strata.of(remainder(sample, strata.n)), strata.n, jitter()),
             SinglePattern::Sobol(key) => unit(net_single(sample, *key) >> 8),
         }
     }
@@ -237,8 +237,8 @@ impl Pairs {
             return [jitter_x, jitter_y].map(|jitter| unit(jitter >> 8));
         };
         let n = cells.n;
-        let cell = cells.of(sample % n);
-        let (column, row) = (cell % columns.n, cell / columns.n);
+        let cell = cells.of(remainder(sample, n));
+        let [row, column] = divided(cell, columns.n);
         let x_stratum = column * rows.n + rows.of(row);
         let y_stratum = row * columns.n + columns.of(column);
         [jittered(x_stratum, n, jitter_x), jittered(y_stratum, n, jitter_y)]
@@ -267,6 +267,16 @@ pub(crate) fn mix(x: u32) -> u32 {
 
 // Strata and permutations for any number of samples.
 
+/// `i % n`, without a division where the samples do not exceed their count.
+fn remainder(i: u32, n: u32) -> u32 {
+    if i < n { i } else { i % n }
+}
+
+/// Quotient and remainder, without a division for a power of two.
+fn divided(i: u32, n: u32) -> [u32; 2] {
+    if n.is_power_of_two() { [i >> n.trailing_zeros(), i & (n - 1)] } else { [i / n, i % n] }
+}
+
 /// A number in stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly.
 ///
 /// For more than 2²⁴ strata, some contain no such multiple; they use the next larger one.
@@ -292,6 +302,10 @@ fn jittered(k: u32, n: u32, random: u32) -> f32 {
 #[derive(Clone, Copy)]
 struct Permutation {
     n: u32,
+    /// `2^k - 1`.
+    mask: u32,
+    /// Half of `k`, rounded up; at least 1.
+    shift: u32,
     /// One key a round.
     keys: [u32; 3],
     rotation: u32,
@@ -300,15 +314,14 @@ struct Permutation {
 impl Permutation {
     fn new(n: u32, key: u32) -> Self {
         let rotation = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
-        Self { n, keys: [mix(key), mix(key ^ 1), mix(key ^ 2)], rotation }
+        let bits = u32::BITS - (n - 1).leading_zeros();
+        let mask = u32::MAX.checked_shr(u32::BITS - bits).unwrap_or(0);
+        Self { n, mask, shift: bits.div_ceil(2).max(1), keys: [mix(key), mix(key ^ 1), mix(key ^ 2)], rotation }
     }
 
     /// The image of `i < n`.
     fn of(&self, mut i: u32) -> u32 {
-        let n = self.n;
-        let bits = u32::BITS - (n - 1).leading_zeros();
-        let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
-        let shift = bits.div_ceil(2).max(1);
+        let Self { n, mask, shift, .. } = *self;
         loop {
             for key in self.keys {
                 // Addition and odd multiplication modulo 2^k, then xor-shift: all are invertible.
