@@ -333,7 +333,7 @@ impl SinglePart {
 pub(crate) fn segment_ends(part: &Control) -> Option<Ends> {
     let [p0, .., p1] = part;
     let [a, b] = [p0, p1].map(|[x, y, z, _]| [*x, *y, *z]);
-    span([-a[0], -a[1], -a[2]], [0.0, 0.0, 1.0], sub(b, a), [p0[3], p1[3]])
+    span([-a[0], -a[1], -a[2]], [0.0, 0.0, 1.0], sub(b, a), [p0[3], p1[3]], f64::INFINITY)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! A line segment with a radius at each end: all points of the balls whose center and radius vary linearly along it.
 
-use canted_obb::vector::{Vector, cross, dot, length, sqrt, sub, to_f64};
+use canted_obb::vector::{Vector, cross, dot, sqrt, sub, to_f64};
 
 use crate::ScaledRay;
 use crate::rounding::nearest;
@@ -44,76 +44,141 @@ impl RoundSegment {
     /// `|p - s·a|² <= (r0 - s·δ)²`, where `a` leads from end to end and `δ = r0 - r1`. With `e = a² - δ²` the left side exceeds the right
     /// least at `s = (p·a - r0·δ)/e`, by `p² - r0² - e·s²`: zero on the lateral surface, a quadratic equation along the line. The hull is
     /// convex, and its surface consists of parts of the two spheres and of the lateral surface at `0 <= s <= 1`; all of these are in the hull. So
-    /// the line enters at the least of their roots, and leaves at the greatest. Coefficients are computed in f64 by vector products, without
+    /// the line enters at the least of their roots, and leaves at the greatest; a root of the lateral surface is the entry where the form decreases, else
+    /// the exit, and what is missing then is on a ball. Coefficients are computed in f64 by vector products, without
     /// squares of the length, from the point of the line that is nearest to the axis: then thin and distant segments have few
     /// cancellations.
     #[doc(hidden)]
-    #[inline(always)]
+    #[inline]
     #[must_use]
     pub fn span_scaled(&self, ray: &ScaledRay) -> Option<[SegmentPoint; 2]> {
+        let (from_end, d, a, radii) = self.relative(ray);
+        to_points(span(from_end, d, a, radii, f64::INFINITY))
+    }
+
+    /// [`RoundSegment::span_scaled`] as far as the first hit of a ray needs it: `None` where the ray certainly leads away from the segment, and where it enters at its `t_min` or
+    /// later, both points may be the entry.
+    #[doc(hidden)]
+    #[inline(always)]
+    #[must_use]
+    pub fn first_scaled(&self, ray: &ScaledRay) -> Option<[SegmentPoint; 2]> {
+        let (from_end, d, a, radii) = self.relative(ray);
+        if leads_away(from_end, d, a, radii) {
+            return None;
+        }
+        to_points(span(from_end, d, a, radii, f64::from(ray.t_min)))
+    }
+
+    /// The origin of a ray from the first end, its direction, the axis, the radii.
+    #[inline(always)]
+    fn relative(&self, ray: &ScaledRay) -> (Vector, Vector, Vector, [f64; 2]) {
         let [p0, p1] = self.ends.map(to_f64);
-        let from_end = sub(to_f64(ray.origin), p0);
-        let points = span(from_end, to_f64(ray.direction), sub(p1, p0), self.radii.map(f64::from))?;
-        Some(points.map(|(t, u)| SegmentPoint { t: nearest(t), u: u as f32 }))
+        (sub(to_f64(ray.origin), p0), to_f64(ray.direction), sub(p1, p0), self.radii.map(f64::from))
     }
 }
 
-/// Where the line `from_origin + t·d`, relative to the first end, enters and leaves the segment along `a`: `t`, and the position along
-/// the segment. See [`RoundSegment::span_scaled`].
 #[inline(always)]
-pub(crate) fn span(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> Option<[(f64, f64); 2]> {
+fn to_points(ends: Option<[(f64, f64); 2]>) -> Option<[SegmentPoint; 2]> {
+    Some(ends?.map(|(t, u)| SegmentPoint { t: nearest(t), u: u as f32 }))
+}
+
+/// Whether the segment along `a` is on one side of a plane, and the ray `from_origin + t·d` with `t >= 0`, relative to the first end, on the other, by more
+/// than roundings: so rays lead away from what they start on.
+///
+/// The plane is across a vector `w` to the origin, from about the center of the ball that it is nearest to. All points of both balls are behind it if `p·w` exceeds `r0·|w|` and
+/// `(p - a)·w` exceeds `r1·|w|`, where `p` is the origin, and no point of the ray is if `d·w` is positive, whatever `w` is.
+#[inline(always)]
+fn leads_away(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> bool {
     let delta = r0 - r1;
-    let d_squared = dot(d, d);
+    let recip_e = 1.0 / (dot(a, a) - delta * delta);
+    // NaN becomes 0.
+    let s = ((dot(from_origin, a) - r0 * delta) * recip_e).max(0.0).min(1.0);
+    let w: Vector = core::array::from_fn(|k| from_origin[k] - s * a[k]);
+    if dot(w, d) <= ROUNDINGS * size(w) * size(d) {
+        return false;
+    }
+    let w_squared = dot(w, w) * (1.0 + ROUNDINGS);
+    let margin = ROUNDINGS * size(w) * (size(from_origin) + size(a));
+    let (first, second) = (dot(from_origin, w) - margin, dot(sub(from_origin, a), w) - margin);
+    first > 0.0 && first * first > r0 * r0 * w_squared && second > 0.0 && second * second > r1 * r1 * w_squared
+}
+
+/// Where the line `from_origin + t·d`, relative to the first end, enters and leaves the segment along `a`: `t`, and the position along
+/// the segment. Where it enters the lateral surface at `enough` or later, both may be the entry. See [`RoundSegment::span_scaled`].
+#[inline(always)]
+pub(crate) fn span(
+    from_origin: Vector,
+    d: Vector,
+    a: Vector,
+    [r0, r1]: [f64; 2],
+    enough: f64,
+) -> Option<[(f64, f64); 2]> {
+    let delta = r0 - r1;
     let axis_squared = dot(a, a);
     let is_cone = axis_squared > delta * delta;
     let across = cross(d, a);
     let across_squared = dot(across, across);
+    // Divisions wait for nothing but the ray and the axis; the others are products with these.
+    let [recip, recip_e] = [1.0 / dot(d, d), 1.0 / (axis_squared - delta * delta)];
     let greatest = r0.max(r1);
     // So it is with most lines.
     if passes(from_origin, d, a, greatest) {
         return None;
     }
-    // The point of the line nearest to the middle, then, within the size of the segment, that nearest to the axis.
-    let middle_t = (0.5 * dot(a, d) - dot(from_origin, d)) / d_squared;
-    let at = |t: f64| core::array::from_fn(|k| from_origin[k] + t * d[k]);
-    let mut base_t = middle_t;
+    // The point of the line nearest to the axis, within the size of the segment around that nearest to the middle.
+    let mut base_t = (0.5 * dot(a, d) - dot(from_origin, d)) * recip;
     if is_cone && across_squared > 0.0 {
-        let reach = (sqrt(axis_squared) + greatest) / sqrt(d_squared);
-        let to_axis = -dot(cross(at(middle_t), a), across) / across_squared;
-        base_t += to_axis.clamp(-reach, reach);
+        let reach = (size(a) + greatest) * sqrt(recip);
+        let nearest_t = -dot(cross(from_origin, a), across) / across_squared;
+        base_t = nearest_t.max(base_t - reach).min(base_t + reach);
     }
-    let m: [f64; 3] = at(base_t);
-    let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
-    let mut n_lateral = 0;
+    let m: [f64; 3] = core::array::from_fn(|k| from_origin[k] + base_t * d[k]);
+    let (mut entry, mut exit) = ((f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0));
+    let [mut has_entry, mut has_exit] = [false; 2];
     if is_cone {
-        let (e, moment) = (axis_squared - delta * delta, cross(m, a));
-        let (along_m, along_d) = (dot(m, a), dot(d, a));
-        let a2 = across_squared - delta * delta * d_squared;
+        let moment = cross(m, a);
+        let (along_m, along_d) = (dot(m, a) - r0 * delta, dot(d, a));
+        let a2 = across_squared - delta * delta * dot(d, d);
         let b = dot(moment, across) - delta * delta * dot(m, d) + r0 * delta * along_d;
-        let c = dot(moment, moment) - delta * delta * dot(m, m) - axis_squared * r0 * r0 + 2.0 * r0 * delta * along_m;
-        // Roots of a2·t² + 2·b·t + c without cancellation. NaN for a miss, and at infinity where the line is parallel to the surface.
+        let c = dot(moment, moment) - delta * delta * dot(m, m) - axis_squared * r0 * r0 + 2.0 * r0 * delta * dot(m, a);
+        // Roots of a2·t² + 2·b·t + c without cancellation. NaN for a miss, and at infinity where the line is parallel to the surface. Where
+        // the form decreases, the line enters: by half of its derivative, whatever the sign of a2.
         let root = sqrt(b * b - a2 * c);
         let q = if b < 0.0 { root - b } else { -root - b };
-        for t in [q / a2, c / q] {
-            let s = (along_m + t * along_d - r0 * delta) / e;
-            if (0.0..=1.0).contains(&s) {
-                span.add(t, s);
-                n_lateral += 1;
-            }
+        let (near, far) = (c / q, q / a2);
+        let (first, last) = if b < 0.0 { (near, far) } else { (far, near) };
+        entry = (first, (along_m + first * along_d) * recip_e);
+        exit = (last, (along_m + last * along_d) * recip_e);
+        has_entry = 0.0 <= entry.1 && entry.1 <= 1.0;
+        has_exit = 0.0 <= exit.1 && exit.1 <= 1.0;
+        if has_entry && base_t + first >= enough {
+            return Some([(base_t + first, entry.1); 2]);
+        }
+        // Where both are one but for roundings.
+        if has_entry && has_exit && last < first {
+            exit = entry;
         }
     }
-    // The hull is convex: where both points are on the lateral surface, the balls are between them.
-    if n_lateral < 2 {
+    // The hull is convex: a point on the lateral surface is an end, beyond which there is no ball. The other end is on a ball, or, but for roundings,
+    // the same point.
+    if !(has_entry && has_exit) {
+        let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
         for (u, to_ray, radius) in [(0.0, m, r0), (1.0, sub(m, a), r1)] {
             // As `Sphere::roots_scaled`.
-            let closest = -dot(to_ray, d) / d_squared;
-            let distance = length(core::array::from_fn(|k| to_ray[k] + closest * d[k]));
-            let half_chord = sqrt((radius - distance) * (radius + distance) / d_squared);
+            let closest = -dot(to_ray, d) * recip;
+            let aside: Vector = core::array::from_fn(|k| to_ray[k] + closest * d[k]);
+            let half_chord = sqrt((radius * radius - dot(aside, aside)) * recip);
             span.add(closest - half_chord, u);
             span.add(closest + half_chord, u);
         }
+        if has_entry {
+            span.add(entry.0, entry.1);
+        } else if has_exit {
+            span.add(exit.0, exit.1);
+        }
+        entry = if has_entry { entry } else { span.entry };
+        exit = if has_exit { exit } else { span.exit };
     }
-    let Span { entry, exit } = span;
     // Also false where no part is hit.
     (entry.0 <= exit.0).then(|| [entry, exit].map(|(t, u)| (base_t + t, u)))
 }
@@ -152,5 +217,61 @@ impl Span {
         if t > self.exit.0 {
             self.exit = (t, u);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Ray;
+
+    /// Rays that start beside segments, and these.
+    fn cases(n: usize) -> impl Iterator<Item = (RoundSegment, ScaledRay)> {
+        let mut state = 9_u64;
+        let mut unit = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
+        };
+        (0..n).filter_map(move |i| {
+            let a = [unit(), unit(), unit()];
+            let b = a.map(|x| x + [1.0, 0.05, 0.0][i % 3] * unit());
+            let radii = [0.1 * unit().abs(), [0.1, 1e-4][i % 2] * unit().abs()];
+            let origin = a.map(|x| x + [0.1, 0.3][i / 6 % 2] * unit());
+            let ray = ScaledRay::new(&Ray::new(origin, [unit(), unit(), unit()]))?;
+            Some((RoundSegment { ends: [a, b], radii }, ray))
+        })
+    }
+
+    /// Of rays that start outside, those that hit; of these those that lead away from the segment with its radii times this; of the others those that lead away.
+    fn counts(scale: f64) -> [u32; 3] {
+        let mut counts = [0; 3];
+        for (segment, ray) in cases(200_000) {
+            let (from_end, d, a, radii) = segment.relative(&ray);
+            let is_away = leads_away(from_end, d, a, radii.map(|r| scale * r));
+            match segment.span_scaled(&ray) {
+                Some([entry, exit]) if exit.t >= 0.0 => {
+                    counts[0] += u32::from(entry.t >= 0.0);
+                    counts[1] += u32::from(is_away);
+                    if scale == 1.0 && entry.t >= 0.0 {
+                        let [first, _] = segment.first_scaled(&ray).expect("the ray hits the segment");
+                        assert_eq!(first, entry, "{segment:?} {ray:?}");
+                    }
+                }
+                _ => counts[2] += u32::from(is_away),
+            }
+        }
+        counts
+    }
+
+    #[test]
+    fn rays_that_lead_away_do_not_hit() {
+        let [n_hits, n_lost, n_away] = counts(1.0);
+        assert!(n_hits > 5000 && n_lost == 0 && n_away > 50_000, "{n_lost} of {n_hits} lost, {n_away} lead away");
+    }
+
+    #[test]
+    fn without_their_radii_some_hit() {
+        let [_, n_lost, _] = counts(0.9);
+        assert!(n_lost > 100, "{n_lost} lost");
     }
 }

@@ -1,7 +1,7 @@
 //! Single tests: lines against spheres, segments against boxes.
 
 use canted_obb::Aabb;
-use canted_obb::vector::{cross, dot, length, sqrt, sub, to_f64};
+use canted_obb::vector::{cross, dot, sqrt, sub, to_f64};
 
 use crate::rounding::{UNIT_ROUNDOFF_F64, nearest};
 use crate::{Ray, ScaledRay};
@@ -19,7 +19,7 @@ impl Sphere {
     /// The `t` at which the line of `ray` enters and leaves, regardless of its interval; equal for a tangent. `None` for
     /// a miss or an invalid ray.
     ///
-    /// Solved in f64, each root rounded once. The discriminant is computed from the vector perpendicular to the line from
+    /// Solved in f64, each root rounded once. The chord is computed from the vector perpendicular to the line from
     /// the center, which avoids cancellation for small and distant spheres (Haines et al., Ray Tracing Gems 2019, chapter 7).
     #[must_use]
     pub fn roots(&self, ray: &Ray) -> Option<[f32; 2]> {
@@ -33,16 +33,15 @@ impl Sphere {
     #[must_use]
     pub fn roots_scaled(&self, ray: &ScaledRay) -> Option<[f32; 2]> {
         let (d, m) = (to_f64(ray.direction), sub(to_f64(ray.origin), to_f64(self.center)));
-        let d_squared = dot(d, d);
-        let closest_t = -dot(m, d) / d_squared;
+        let recip = 1.0 / dot(d, d);
+        let closest_t = -dot(m, d) * recip;
         let across: [f64; 3] = core::array::from_fn(|k| m[k] + closest_t * d[k]);
         let radius = f64::from(self.radius);
-        let distance = length(across);
-        // A product avoids cancellation for rays near the silhouette.
-        let chord_squared = (radius - distance) * (radius + distance);
+        // The square of the radius is exact.
+        let chord_squared = radius * radius - dot(across, across);
         // Also false for NaN.
         (chord_squared >= 0.0).then(|| {
-            let half_chord_t = sqrt(chord_squared / d_squared);
+            let half_chord_t = sqrt(chord_squared * recip);
             [closest_t - half_chord_t, closest_t + half_chord_t].map(nearest)
         })
     }

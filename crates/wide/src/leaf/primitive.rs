@@ -112,6 +112,10 @@ pub trait Primitive: Send + Sync {
     /// [`Primitive::ERROR`] is; otherwise hits are lost. Where there is one, `HULL` is not used.
     const BALL: Option<fn(&Self) -> Sphere> = None;
 
+    /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters it: rays that
+    /// certainly hit it need no other test where any hit will do.
+    const IS_HULL: bool = false;
+
     /// A box around the primitive, object space: finite, not empty.
     fn bounds(&self) -> Aabb;
 
@@ -150,6 +154,7 @@ impl<P: Primitive> Primitive for &P {
         Some(_) => Some(|primitive| P::BALL.expect("it is one")(primitive)),
         None => None,
     };
+    const IS_HULL: bool = P::IS_HULL;
 
     fn bounds(&self) -> Aabb {
         P::bounds(self)
@@ -255,10 +260,10 @@ impl<P> Shapes<P> {
         &self.primitives[if self.is_sorted { place } else { self.order[place].index() }]
     }
 
-    /// Those at several positions from the first on, where they are one after another in memory.
+    /// Those at eight positions from the first on, where they are one after another in memory.
     #[inline(always)]
-    pub(crate) fn run(&self, first: usize, n: usize) -> Option<&[P]> {
-        if self.is_sorted { self.primitives.get(first..first + n) } else { None }
+    pub(crate) fn eight(&self, first: usize) -> Option<&[P; 8]> {
+        if self.is_sorted { self.primitives.get(first..)?.first_chunk() } else { None }
     }
 
     /// All primitives in input order.

@@ -35,6 +35,18 @@ trait Test<P> {
     /// Whether nearer subtrees are visited first.
     fn is_ordered(&self) -> bool;
 
+    /// Whether hits that are certain go to [`Test::take_any`].
+    #[inline(always)]
+    fn takes_any(&self) -> bool {
+        false
+    }
+
+    /// Takes a hit that is certain. Returns a negative number.
+    #[inline(always)]
+    fn take_any(&mut self) -> f32 {
+        unreachable!("the test needs hits")
+    }
+
     /// Returns the new `t_max`; a negative number ends the traversal.
     fn test<S: Simd>(&mut self, simd: S, primitive: &P, id: PrimId, t_max: f32) -> f32;
 }
@@ -70,10 +82,20 @@ impl<P: Primitive, K: HitSink> Test<P> for Tested<'_, K> {
     }
 
     #[inline(always)]
+    fn takes_any(&self) -> bool {
+        P::IS_HULL && self.sink.takes_any()
+    }
+
+    #[inline(always)]
+    fn take_any(&mut self) -> f32 {
+        self.sink.take_any()
+    }
+
+    #[inline(always)]
     fn test<S: Simd>(&mut self, simd: S, primitive: &P, id: PrimId, t_max: f32) -> f32 {
         let of = Intersect { primitive, ray: self.ray, t_max };
         // A test that is a large part of the code is compiled once for each path.
-        let found = if is_filtered::<P>() { of.on(simd) } else { simd.run(of) };
+        let found = if P::BALL.is_some() { of.on(simd) } else { simd.run(of) };
         let Some(found) = found else { return t_max };
         // A primitive that breaks its contract must not keep the traversal from ending.
         if !(self.ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
@@ -169,45 +191,50 @@ impl<S: Simd, P: Primitive, T: Test<P>> Leaves<'_, S, P, T> {
     /// Which of up to eight primitives, from a place on, the ray may reach.
     #[inline(always)]
     fn reached(&self, first: usize, n: usize, t_max: f32) -> Reached<S> {
-        let simd = self.simd;
-        let mut rows = [simd.splat(0.0); 8];
-        let mut reached = match P::BALL {
-            Some(ball) => {
-                // Always eight: a loop of unknown length takes longer, but for the wider rows of segments.
-                if let Some(run) = self.shapes.run(first, n) {
-                    for (k, row) in rows.iter_mut().enumerate() {
-                        *row = simd.load_half(&numbers_of_ball(&ball(&run[k.min(run.len() - 1)])));
-                    }
-                } else {
-                    for (k, row) in rows.iter_mut().enumerate() {
-                        *row = simd.load_half(&numbers_of_ball(&ball(self.shapes.at(first + k.min(n - 1)))));
-                    }
-                }
-                let [x, y, z, radius, ..] = simd.transpose(rows);
-                self.line.near_balls(simd, [x, y, z, radius], t_max)
-            }
+        let Self { simd, shapes, line, .. } = self;
+        let of = (1 << n) - 1;
+        let copies;
+        // Always eight, where there are as many, of the next leaf if this one has fewer: a loop of unknown length takes longer.
+        let [low, high] = match shapes.eight(first) {
+            Some(eight) => halves(*simd, eight),
             None => {
-                let hull = P::HULL.expect("filtered primitives have a ball or a segment around them");
-                if let Some(run) = self.shapes.run(first, n) {
-                    for (row, primitive) in rows.iter_mut().zip(run) {
-                        *row = simd.load(&numbers(&hull(primitive)));
-                    }
-                } else {
-                    for (k, row) in rows.iter_mut().enumerate().take(n) {
-                        *row = simd.load(&numbers(&hull(self.shapes.at(first + k))));
-                    }
-                }
-                self.line.near_segments(simd, simd.transpose(rows), t_max)
+                copies = repeated(shapes, first, n);
+                halves(*simd, &copies)
             }
         };
-        reached.lanes &= (1 << n) - 1;
-        reached
+        let ([ax, ay, az, bx], [by, bz, r0, r1]) = (simd.transpose_half(low), simd.transpose_half(high));
+        if P::BALL.is_some() {
+            return line.near_balls(*simd, [ax, ay, az, bx], of, t_max);
+        }
+        line.near_segments(*simd, [ax, ay, az, bx, by, bz, r0, r1], of, t_max)
     }
+}
+
+/// Up to eight primitives of a leaf that are not one after another in memory, or at its end; the first again where there are fewer.
+#[cold]
+#[inline(never)]
+fn repeated<P>(shapes: &Shapes<P>, first: usize, n: usize) -> [&P; 8] {
+    std::array::from_fn(|k| shapes.at(first + if k < n { k } else { 0 }))
+}
+
+/// The numbers of the balls or the segments around primitives, in rows of four: those of balls, or of the first parts of segments; those of the second parts.
+#[inline(always)]
+fn halves<S: Simd, P: Primitive>(simd: S, primitives: &[P; 8]) -> [[S::F; 8]; 2] {
+    let (mut low, mut high) = ([simd.splat(0.0); 8], [simd.splat(0.0); 8]);
+    for k in 0..8 {
+        if let Some(ball) = P::BALL {
+            low[k] = simd.load_half(&numbers_of_ball(&ball(&primitives[k])));
+        } else if let Some(hull) = P::HULL {
+            let [a, b, c, d, e, f, g, h] = numbers(&hull(&primitives[k]));
+            (low[k], high[k]) = (simd.load_half(&[a, b, c, d]), simd.load_half(&[e, f, g, h]));
+        }
+    }
+    [low, high]
 }
 
 impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
     /// Programs compile the loop for each of their primitives, query and path.
-    const TWO_LOOPS: bool = false;
+    const TWO_LOOPS: bool = P::IS_HULL;
 
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
@@ -224,6 +251,9 @@ impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
         }
         for first in (first..end).step_by(8) {
             let reached = self.reached(first, (end - first).min(8), t_max);
+            if reached.certain != 0 && self.test.takes_any() {
+                return self.test.take_any();
+            }
             let mut test = TestLane { simd: self.simd, first, shapes: self.shapes, test: &mut self.test };
             t_max = reached.each(self.simd, t_max, &mut test);
             if t_max < 0.0 {

@@ -23,7 +23,13 @@ pub(crate) trait HitSink {
         unreachable!("the sink takes all hits alike")
     }
 
-    /// Takes a hit that is certain but not computed, where [`HitSink::ANY`]. Returns a negative number.
+    /// Whether hits that are certain need not be computed: they go to [`HitSink::take_any`].
+    #[inline(always)]
+    fn takes_any(&self) -> bool {
+        Self::ANY
+    }
+
+    /// Takes a hit that is certain but not computed, where [`HitSink::takes_any`]. Returns a negative number.
     #[inline(always)]
     fn take_any(&mut self) -> f32 {
         unreachable!("the sink needs hits")
@@ -154,6 +160,8 @@ impl<const PLAIN: bool> HitSink for BestHit<'_, PLAIN> {
 /// Whether a query accepts any hit; where `PLAIN`, it accepts all and counts nothing.
 pub(crate) struct AnyHit<'a, const PLAIN: bool> {
     query: &'a mut dyn Query,
+    /// Whether the query may reject a hit.
+    may_reject: bool,
     found: bool,
     pub(crate) visits: Visits,
 }
@@ -161,7 +169,8 @@ pub(crate) struct AnyHit<'a, const PLAIN: bool> {
 impl<'a, const PLAIN: bool> AnyHit<'a, PLAIN> {
     #[inline(always)]
     pub(crate) fn new(query: &'a mut dyn Query) -> Self {
-        Self { query, found: false, visits: Visits::default() }
+        let may_reject = !PLAIN && query.may_reject();
+        Self { query, may_reject, found: false, visits: Visits::default() }
     }
 
     /// Takes a hit on any primitive.
@@ -184,6 +193,11 @@ impl<'a, const PLAIN: bool> AnyHit<'a, PLAIN> {
 impl<const PLAIN: bool> HitSink for AnyHit<'_, PLAIN> {
     const ORDERED: bool = false;
     const ANY: bool = PLAIN;
+
+    #[inline(always)]
+    fn takes_any(&self) -> bool {
+        !self.may_reject
+    }
 
     #[inline(always)]
     fn take_any(&mut self) -> f32 {

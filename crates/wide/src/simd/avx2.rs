@@ -3,7 +3,7 @@
 
 use std::arch::x86_64::{
     __m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
-    _mm256_cmp_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_loadu_ps, _mm256_max_ps,
+    _mm256_cmp_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_insertf128_ps, _mm256_castps256_ps128, _mm256_loadu_ps, _mm256_max_ps,
     _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps,
     _mm256_sqrt_ps, _mm256_storeu_ps, _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps,
     _mm256_zextps128_ps256,
@@ -107,6 +107,22 @@ impl Simd for Avx2 {
             };
             let ((r0, r4), (r1, r5), (r2, r6), (r3, r7)) = (join(0), join(1), join(2), join(3));
             [r0, r1, r2, r3, r4, r5, r6, r7]
+        }
+    }
+    #[inline(always)]
+    fn transpose_half(self, [a, b, c, d, e, f, g, h]: [__m256; 8]) -> [__m256; 4] {
+        // SAFETY: the token proves AVX.
+        unsafe {
+            let pair = |low, high| _mm256_insertf128_ps::<1>(low, _mm256_castps256_ps128(high));
+            let (a, b, c, d) = (pair(a, e), pair(b, f), pair(c, g), pair(d, h));
+            let (ab0, ab2) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let (cd0, cd2) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+            [
+                _mm256_shuffle_ps::<0x44>(ab0, cd0),
+                _mm256_shuffle_ps::<0xee>(ab0, cd0),
+                _mm256_shuffle_ps::<0x44>(ab2, cd2),
+                _mm256_shuffle_ps::<0xee>(ab2, cd2),
+            ]
         }
     }
     #[inline(always)]

@@ -59,6 +59,7 @@ impl Simd for Avx512 {
         fn pick(a: __m256, b: __m256, x: __m256, y: __m256) -> __m256;
         fn power_of_two(a: __m256) -> __m256;
         fn transpose(rows: [__m256; 8]) -> [__m256; 8];
+        fn transpose_half(rows: [__m256; 8]) -> [__m256; 4];
         fn abs(a: __m256) -> __m256;
         fn xor_sign(a: __m256, b: __m256) -> __m256;
     }

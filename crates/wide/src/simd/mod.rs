@@ -86,6 +86,8 @@ pub(crate) trait Simd: Copy {
     fn power_of_two(self, a: Self::F) -> Self::F;
     /// Lane `j` of row `i` becomes lane `i` of row `j`.
     fn transpose(self, rows: [Self::F; 8]) -> [Self::F; 8];
+    /// Lane `j < 4` of row `i` becomes lane `i` of row `j`.
+    fn transpose_half(self, rows: [Self::F; 8]) -> [Self::F; 4];
     /// Mask of `a < b`.
     fn lt(self, a: Self::F, b: Self::F) -> u32;
     /// Mask of `a <= b`.

@@ -142,6 +142,12 @@ impl Simd for Neon {
         [(a, i), (b, j), (c, k), (d, l), (e, m), (f, n), (g, o), (h, p)].map(|(low, high)| float32x4x2_t(low, high))
     }
     #[inline(always)]
+    fn transpose_half(self, [a, b, c, d, e, f, g, h]: [float32x4x2_t; 8]) -> [float32x4x2_t; 4] {
+        let [i, j, k, l] = self.transposed([a.0, b.0, c.0, d.0]);
+        let [m, n, o, p] = self.transposed([e.0, f.0, g.0, h.0]);
+        [float32x4x2_t(i, m), float32x4x2_t(j, n), float32x4x2_t(k, o), float32x4x2_t(l, p)]
+    }
+    #[inline(always)]
     fn lt(self, a: float32x4x2_t, b: float32x4x2_t) -> u32 {
         // SAFETY: the token proves NEON.
         let (low, high) = unsafe { (vcltq_f32(a.0, b.0), vcltq_f32(a.1, b.1)) };

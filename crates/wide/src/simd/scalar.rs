@@ -67,6 +67,10 @@ impl Simd for Scalar {
         std::array::from_fn(|j| std::array::from_fn(|i| rows[i][j]))
     }
     #[inline(always)]
+    fn transpose_half(self, rows: [[f32; 8]; 8]) -> [[f32; 8]; 4] {
+        std::array::from_fn(|j| std::array::from_fn(|i| rows[i][j]))
+    }
+    #[inline(always)]
     fn lt(self, a: [f32; 8], b: [f32; 8]) -> u32 {
         mask(a, b, |a, b| a < b)
     }

@@ -104,6 +104,11 @@ impl Simd for Simd128 {
         })
     }
     #[inline(always)]
+    fn transpose_half(self, [a, b, c, d, e, f, g, h]: [Lanes; 8]) -> [Lanes; 4] {
+        let (first, last) = (transposed([a.0, b.0, c.0, d.0]), transposed([e.0, f.0, g.0, h.0]));
+        std::array::from_fn(|j| Lanes(first[j], last[j]))
+    }
+    #[inline(always)]
     fn lt(self, a: Lanes, b: Lanes) -> u32 {
         u32::from(i32x4_bitmask(f32x4_lt(a.0, b.0)) | i32x4_bitmask(f32x4_lt(a.1, b.1)) << 4)
     }

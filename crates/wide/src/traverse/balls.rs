@@ -4,11 +4,14 @@ use canted_trace::lanes::UNIT_ROUNDOFF as U;
 use canted_trace::{ScaledRay, Sphere};
 
 use super::block::norm;
-use super::reach::{RayLine, Reached};
+use super::reach::{RayLine, Reached, dot};
 use crate::simd::Simd;
 
-/// More than all roundings of the distance between a line and a center, and of a position along the line, relative to the sizes.
-const ERRORS: [f32; 2] = [10.0 * U, 32.0 * U];
+/// How much nearer to the center than the radius a line certainly enters a ball, relative to the sizes.
+const CERTAIN: f32 = 32.0 * U;
+
+/// More than all roundings of the distance between a line and a center, and of a position along the line, relative to the sizes; [`CERTAIN`]; none.
+const ERRORS: [f32; 4] = [10.0 * U, 32.0 * U, CERTAIN, 0.0];
 
 impl<S: Simd> RayLine<S> {
     /// For [`RayLine::near_balls`].
@@ -35,28 +38,42 @@ impl<S: Simd> RayLine<S> {
     /// they are as near, by 3 u of theirs;
     /// 32 u·(|m|₁ + r)·D is more than all of that, the root's share and what the test may be off by. [`TINY`] covers what underflows,
     /// also below the root; balls much smaller than it, in scaled coordinates, are all kept. What overflows or is NaN is kept.
+    ///
+    /// Squares are compared first, which is a rounding of the reach more and one of the distance less: `e` has both to spare.
+    ///
+    /// # Certain hits
+    /// A line that is nearer than `r·D` by [`CERTAIN`] of the sizes passes through the ball: that is more than `e` and the 5 u of the length. It enters
+    /// before the center, and so in its interval if the bound of the entry is not before `t_min`, and the center not beyond `t_max`.
     #[inline(always)]
-    pub(crate) fn near_balls(&self, simd: S, [x, y, z, radius]: [S::F; 4], t_max: f32) -> Reached<S> {
-        let d = self.direction;
+    pub(crate) fn near_balls(&self, simd: S, [x, y, z, radius]: [S::F; 4], of: u32, t_max: f32) -> Reached<S> {
         let m = [simd.sub(x, self.origin[0]), simd.sub(y, self.origin[1]), simd.sub(z, self.origin[2])];
-        let across = [
-            simd.mul_sub(m[1], d[2], simd.mul(m[2], d[1])),
-            simd.mul_sub(m[2], d[0], simd.mul(m[0], d[2])),
-            simd.mul_sub(m[0], d[1], simd.mul(m[1], d[0])),
-        ];
-        let apart = simd.sqrt(dot(simd, across, across));
+        let across = self.across_line(simd, m);
+        let squared = dot(simd, across, across);
         let size = simd.mul(simd.add(norm(simd, m), radius), self.length);
         let tiny = simd.splat(TINY);
-        let reach = simd.mul_add(radius, self.length, simd.mul_add(size, self.errors[0], tiny));
-        let gap = simd.sub(reach, apart);
+        let radius = simd.mul(radius, self.length);
+        let reach = simd.add(radius, simd.mul_add(size, self.errors[0], tiny));
         // A square may overflow where the reach does not.
-        let passes = simd.lt(gap, simd.splat(0.0)) & simd.le(apart, simd.splat(f32::MAX));
-        let half = simd.sqrt(simd.mul(simd.max(gap, simd.splat(0.0)), simd.add(reach, apart)));
-        let half = simd.add(half, simd.mul_add(size, self.errors[1], tiny));
-        let center = dot(simd, m, d);
+        let passes = simd.lt(simd.mul(reach, reach), squared) & simd.le(squared, simd.splat(f32::MAX));
+        // So it is with most leaves.
+        if of & !passes == 0 {
+            return Reached::none(simd);
+        }
+
+        let apart = simd.sqrt(squared);
+        let gap = simd.max(simd.sub(reach, apart), simd.splat(0.0));
+        let pad = simd.mul_add(size, self.errors[1], tiny);
+        let half = simd.add(simd.sqrt(simd.mul(gap, simd.add(reach, apart))), pad);
+        let center = dot(simd, m, self.direction);
         let is_before = simd.lt(simd.add(center, half), self.start);
-        let reached = Reached { lanes: 0, from: simd.sub(center, half), squared: self.direction_squared };
-        Reached { lanes: !(passes | is_before) & reached.until(simd, t_max), ..reached }
+        let reached =
+            Reached { lanes: 0, certain: 0, from: simd.sub(center, half), squared: self.direction_squared };
+        let lanes = of & !(passes | is_before) & reached.until(simd, t_max);
+
+        let is_inside = simd.lt(simd.add(apart, simd.mul_add(size, self.errors[2], tiny)), radius);
+        let end = simd.splat(t_max * self.direction_squared);
+        let is_within = simd.le(self.start, reached.from) & simd.le(simd.add(center, pad), end);
+        Reached { lanes, certain: lanes & is_inside & is_within, ..reached }
     }
 }
 
@@ -69,11 +86,6 @@ pub(crate) fn numbers_of_ball(&Sphere { center: [x, y, z], radius }: &Sphere) ->
     [x, y, z, radius]
 }
 
-#[inline(always)]
-fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
-    simd.mul_add(a[0], b[0], simd.mul_add(a[1], b[1], simd.mul(a[2], b[2])))
-}
-
 #[cfg(test)]
 mod tests {
     use canted_fixtures::SplitMix64;
@@ -83,25 +95,27 @@ mod tests {
     use crate::SimdPath;
     use crate::simd::Task;
 
-    /// Whether a ray up to `t_max` may hit a ball, by a filter with these errors.
-    struct Near<'a>(&'a Sphere, &'a ScaledRay, f32, [f32; 2]);
+    /// Whether a ray up to `t_max` may hit a ball, and whether it certainly enters it, by a filter with these errors.
+    struct Near<'a>(&'a Sphere, &'a ScaledRay, f32, [f32; 4]);
 
     impl Task for Near<'_> {
-        type Output = bool;
+        type Output = [bool; 2];
 
         #[inline(always)]
-        fn on<S: Simd>(self, simd: S) -> bool {
+        fn on<S: Simd>(self, simd: S) -> [bool; 2] {
             let Self(ball, ray, t_max, errors) = self;
             let line = RayLine::new(simd, ray, errors);
             let rows = numbers_of_ball(ball).map(|x| simd.splat(x));
-            let lanes = line.near_balls(simd, rows, t_max).lanes;
-            assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
-            lanes != 0
+            let Reached { lanes, certain, .. } = line.near_balls(simd, rows, 0xff, t_max);
+            [lanes, certain].map(|mask| {
+                assert!(mask == 0 || mask == 0xff, "equal lanes have equal answers");
+                mask != 0
+            })
         }
     }
 
-    /// Balls of many sizes and places, rays that graze them, and the `t` of a hit, at which some of the rays begin.
-    fn cases(n: usize) -> impl Iterator<Item = (Sphere, ScaledRay, f32)> {
+    /// Balls of many sizes and places, and rays that graze or pass them; some begin at a hit.
+    fn lines(n: usize) -> impl Iterator<Item = (Sphere, ScaledRay)> {
         let mut rng = SplitMix64::new(17);
         let mut unit = move || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
         (0..n).filter_map(move |i| {
@@ -126,13 +140,54 @@ mod tests {
             let stretch = [1.0, 1e-20, 1e10][i % 3];
             let direction = [0, 1, 2].map(|k| stretch * (to_center[k] + graze * radius / length * across[k]));
             let mut ray = ScaledRay::new(&Ray::new(origin, direction))?;
-            let [entry, exit] = ball.roots_scaled(&ray)?;
-            if i % 11 == 0 {
+            if i % 11 == 0
+                && let Some([_, exit]) = ball.roots_scaled(&ray)
+            {
                 (ray.t_min, ray.t_max) = (exit.max(0.0), f32::MAX);
             }
+            Some((ball, ray))
+        })
+    }
+
+    /// Those that hit their balls, and the `t` of the hit.
+    fn cases(n: usize) -> impl Iterator<Item = (Sphere, ScaledRay, f32)> {
+        lines(n).filter_map(|(ball, ray)| {
+            let [entry, exit] = ball.roots_scaled(&ray)?;
             let first = if entry >= ray.t_min { entry } else { exit };
             (ray.t_min <= first && first <= ray.t_max).then_some((ball, ray, first))
         })
+    }
+
+    /// Whether the test of the ball finds that the ray enters it in its interval.
+    fn enters(ball: &Sphere, ray: &ScaledRay) -> bool {
+        ball.roots_scaled(ray).is_some_and(|[entry, _]| ray.t_min <= entry && entry <= ray.t_max)
+    }
+
+    #[test]
+    fn rays_enter_what_they_certainly_enter() {
+        let (mut n, mut n_certain) = (0, 0);
+        for (ball, ray) in lines(300_000) {
+            n += u32::from(enters(&ball, &ray));
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let [is_near, is_certain] = path.available().run(Near(&ball, &ray, ray.t_max, ERRORS));
+                assert!(is_near || !is_certain);
+                n_certain += u32::from(is_certain && path == SimdPath::Scalar);
+                assert!(!is_certain || enters(&ball, &ray), "{}: {ball:?} {ray:?}", path.name());
+            }
+        }
+        assert!(n_certain > 10_000 && n_certain < n, "{n_certain} certain of {n}");
+    }
+
+    #[test]
+    fn without_its_error_they_do_not() {
+        for certain in [0.0, -CERTAIN] {
+            let is_wrong = |(ball, ray): &(Sphere, ScaledRay)| {
+                let near = Near(ball, ray, ray.t_max, [ERRORS[0], ERRORS[1], certain, 0.0]);
+                SimdPath::Scalar.available().run(near)[1] && !enters(ball, ray)
+            };
+            let n_wrong = lines(300_000).filter(is_wrong).count();
+            assert!(n_wrong > 10, "{n_wrong} with {certain}");
+        }
     }
 
     #[test]
@@ -142,7 +197,7 @@ mod tests {
             n += 1;
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
                 for t_max in [ray.t_max, first] {
-                    let is_near = path.available().run(Near(&ball, &ray, t_max, ERRORS));
+                    let [is_near, _] = path.available().run(Near(&ball, &ray, t_max, ERRORS));
                     assert!(is_near, "{}: {ball:?} {ray:?} up to {t_max}", path.name());
                 }
             }
@@ -153,13 +208,13 @@ mod tests {
     /// The error of the distance makes chords longer, so that of the position counts without it.
     #[test]
     fn without_the_errors_some_are() {
-        let n_lost = |errors: [f32; 2]| {
+        let n_lost = |errors: [f32; 4]| {
             let lost = |(ball, ray, first): &(Sphere, ScaledRay, f32)| {
-                !SimdPath::Scalar.available().run(Near(ball, ray, *first, errors))
+                !SimdPath::Scalar.available().run(Near(ball, ray, *first, errors))[0]
             };
             cases(300_000).filter(lost).count()
         };
-        let [without_distance, without_both] = [n_lost([0.0, ERRORS[1]]), n_lost([0.0; 2])];
+        let [without_distance, without_both] = [n_lost([0.0, ERRORS[1], 0.0, 0.0]), n_lost([0.0; 4])];
         assert!(without_distance > 100 && without_both > without_distance, "{without_distance}, {without_both}");
     }
 
@@ -181,7 +236,7 @@ mod tests {
                 None => (false, ray.t_max),
             };
             n[usize::from(is_hit)] += 1;
-            let is_near = SimdPath::detect().available().run(Near(&ball, &ray, t_max, ERRORS));
+            let [is_near, _] = SimdPath::detect().available().run(Near(&ball, &ray, t_max, ERRORS));
             n_kept[usize::from(is_hit)] += u32::from(is_near);
         }
         assert!((0..2).all(|k| n[k] > 5000 && n_kept[k] < n[k] / 100), "{n_kept:?} of {n:?}");

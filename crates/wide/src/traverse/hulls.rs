@@ -4,7 +4,7 @@ use canted_trace::lanes::UNIT_ROUNDOFF as U;
 use canted_trace::{RoundSegment, ScaledRay};
 
 use super::block::norm;
-use super::reach::{RayLine, Reached};
+use super::reach::{RayLine, Reached, dot};
 use crate::simd::Simd;
 
 /// How much of the squared radius counts: 9/8, and the roundings of the comparison.
@@ -28,8 +28,14 @@ const WIDER: f32 = 1.0 + 1.0 / 1024.0;
 /// Squares from here on lose nothing by underflow.
 const LEAST: f32 = f32::from_bits((127 - 100) << 23);
 
-/// See [`ERROR`] and [`ALONG`].
-const ERRORS: [f32; 2] = [ERROR, ALONG];
+/// How much nearer to the axis than the radius a line certainly enters a segment, relative to the sizes.
+const CERTAIN: f32 = 64.0 * U;
+
+/// How far in front of a plane a segment is, relative to twice the sizes.
+const PLANE: f32 = 16.0 * U;
+
+/// See [`ERROR`], [`ALONG`], [`CERTAIN`] and [`PLANE`].
+const ERRORS: [f32; 4] = [ERROR, ALONG, CERTAIN, PLANE];
 
 impl<S: Simd> RayLine<S> {
     /// For [`RayLine::near_segments`].
@@ -72,55 +78,114 @@ impl<S: Simd> RayLine<S> {
     /// below 2^-100,
     /// the nearer end bounds the entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6
     /// u·A·D of the step.
+    ///
+    /// # Certain hits
+    /// The line is `|m + s·c|/D` from the point at `s`, whatever `s` is, and 11 u·D·(F + A) covers the roundings of that; the test of a round segment may be
+    /// off by 2 u·(F + A + r). So a line that is nearer than the lesser radius by [`CERTAIN`] of the sizes enters the segment, no later than at the point nearest
+    /// to that at `s`, and it does so in its interval if the bound of the entry is not before `t_min`, and that point not beyond `t_max`.
     #[inline(always)]
-    pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], t_max: f32) -> Reached<S> {
+    pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], of: u32, t_max: f32) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;
-        let [zero, one] = [0.0, 1.0].map(|x| simd.splat(x));
-        let sub = |a: [S::F; 3], b: [S::F; 3]| [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])];
-        let dot = |a: [S::F; 3], b: [S::F; 3]| simd.mul_add(a[0], b[0], simd.mul_add(a[1], b[1], simd.mul(a[2], b[2])));
-        let across_line = |a: [S::F; 3]| {
-            let d = self.direction;
-            let minor = |i: usize, j: usize| simd.mul_sub(a[i], d[j], simd.mul(a[j], d[i]));
-            [minor(1, 2), minor(2, 0), minor(0, 1)]
-        };
-        let (from_origin, radius) = (sub([ax, ay, az], self.origin), simd.max(r0, r1));
-        let axis = sub([bx, by, bz], [ax, ay, az]);
-        let (moment, across) = (across_line(from_origin), across_line(axis));
-        let (across_squared, axis_squared) = (dot(across, across), dot(axis, axis));
+        let [zero, one, tiny] = [0.0, 1.0, f32::MIN_POSITIVE].map(|x| simd.splat(x));
+        let from_origin = self.from_origin(simd, [ax, ay, az]);
+        let radius = simd.max(r0, r1);
+        let axis = [simd.sub(bx, ax), simd.sub(by, ay), simd.sub(bz, az)];
+        let (moment, across) = (self.across_line(simd, from_origin), self.across_line(simd, axis));
+        let (across_squared, axis_squared) = (dot(simd, across, across), dot(simd, axis, axis));
         let squared = simd.splat(self.direction_squared);
 
         let recip = simd.div(one, simd.max(across_squared, simd.splat(LEAST)));
-        let at = simd.sub(zero, simd.mul(dot(moment, across), recip));
+        let at = simd.sub(zero, simd.mul(dot(simd, moment, across), recip));
         let at = simd.min(simd.max(at, zero), one);
         let apart = [
             simd.mul_add(at, across[0], moment[0]),
             simd.mul_add(at, across[1], moment[1]),
             simd.mul_add(at, across[2], moment[2]),
         ];
+        let apart = dot(simd, apart, apart);
         let slant = simd.max(simd.mul(simd.mul(axis_squared, squared), recip), one);
-        let sizes = simd.mul(simd.add(dot(from_origin, from_origin), axis_squared), self.errors[0]);
+        let sizes = simd.mul(simd.add(dot(simd, from_origin, from_origin), axis_squared), self.errors[0]);
         let reach = simd.mul_add(simd.mul(radius, radius), simd.splat(RADIUS), simd.mul(sizes, slant));
-        let reach = simd.add(simd.mul(reach, squared), simd.splat(f32::MIN_POSITIVE));
+        let reach = simd.add(simd.mul(reach, squared), tiny);
         let axis_size = norm(simd, axis);
         let is_usable = simd.lt(simd.splat(LEAST), across_squared) | simd.le(axis_size, zero);
-        let passes = simd.lt(reach, dot(apart, apart)) & is_usable;
+        let near = of & !(simd.lt(reach, apart) & is_usable);
+        // So it is with most leaves.
+        if near == 0 {
+            return Reached::none(simd);
+        }
 
-        let (first, along) = (dot(from_origin, self.direction), dot(axis, self.direction));
+        let (first, along) = (dot(simd, from_origin, self.direction), dot(simd, axis, self.direction));
         let second = simd.add(first, along);
         let size = simd.add(simd.add(norm(simd, from_origin), axis_size), radius);
         let pad = simd.mul(self.length, simd.add(radius, simd.mul(self.errors[1], size)));
-        let pad = simd.add(pad, simd.splat(f32::MIN_POSITIVE));
+        let pad = simd.add(pad, tiny);
         let is_before = simd.lt(simd.add(simd.max(first, second), pad), self.start);
 
         let step = simd.mul_add(simd.mul(self.length, axis_size), simd.splat(STEP), simd.abs(along));
         let aside = simd.mul(simd.sqrt(simd.mul(reach, recip)), simd.splat(WIDER));
-        let by_nearest = simd.sub(simd.mul_add(at, along, first), simd.mul(aside, step));
+        let nearest = simd.mul_add(at, along, first);
+        let by_nearest = simd.sub(nearest, simd.mul(aside, step));
         let is_known = simd.pick(simd.splat(LEAST), across_squared, slant, simd.splat(f32::INFINITY));
         let by_ends = simd.min(first, second);
         // The second where the first is NaN.
-        let nearest = simd.max(simd.pick(is_known, simd.splat(SLANTED), by_nearest, by_ends), by_ends);
-        let reached = Reached { lanes: 0, from: simd.sub(nearest, pad), squared: self.direction_squared };
-        Reached { lanes: !(passes | is_before) & reached.until(simd, t_max), ..reached }
+        let from = simd.max(simd.pick(is_known, simd.splat(SLANTED), by_nearest, by_ends), by_ends);
+        let reached = Reached { lanes: 0, certain: 0, from: simd.sub(from, pad), squared: self.direction_squared };
+        let is_behind = self.is_behind(simd, [from_origin, self.from_origin(simd, [bx, by, bz])], axis, [r0, r1]);
+        let lanes = near & !(is_before | is_behind) & reached.until(simd, t_max);
+
+        let depth = simd.sub(simd.min(r0, r1), simd.mul(self.errors[2], size));
+        let depth = simd.mul(depth, self.length);
+        let is_inside = simd.lt(zero, depth) & simd.lt(simd.add(apart, tiny), simd.mul(depth, depth));
+        let end = simd.splat(t_max * self.direction_squared);
+        let is_within = simd.le(self.start, reached.from) & simd.le(simd.add(nearest, pad), end);
+        Reached { lanes, certain: lanes & is_inside & is_within, ..reached }
+    }
+
+    /// Lanes whose segment is on one side of a plane, and the ray, from its origin on, on the other, as rays that leave a surface are beside what they start on.
+    ///
+    /// # Error
+    /// Let `f` and `g` be the vectors to the ends, and `w` the one to a point of the axis, about that whose ball the ray's origin is nearest to. All points of the segment are
+    /// beyond the origin along `w` if `w·f` exceeds `r0·|w|` and `w·g` exceeds `r1·|w|`, whatever `w` is; points of the ray are not if
+    /// `w·d` is at most 0. A product is off by 4 u·|w|·F, as inputs and three sums are rounded, `r·|w|` by 4 u of itself, the test of a primitive
+    /// by 3.5 u·(F + r)·|w|: all are less than 16 u of `|w|·(|f|₁ + |g|₁ + r)`, half of what [`PLANE`] has. `w·d` is off by 3 u·|w|·D.
+    /// Where `|w|` times twice the sizes does not overflow, no product does. Where `w²` is above 2^-100, what underflows is less than the margin.
+    #[inline(always)]
+    fn is_behind(&self, simd: S, [f, g]: [[S::F; 3]; 2], axis: [S::F; 3], [r0, r1]: [S::F; 2]) -> u32 {
+        let zero = simd.splat(0.0);
+        let narrowing = simd.sub(r0, r1);
+        let squared = simd.neg_mul_sub(narrowing, narrowing, simd.sub(zero, dot(simd, axis, axis)));
+        let at = simd.div(simd.neg_mul_sub(r0, narrowing, dot(simd, f, axis)), squared);
+        let at = simd.min(simd.max(at, zero), simd.splat(1.0));
+        let w = [
+            simd.mul_add(at, axis[0], f[0]),
+            simd.mul_add(at, axis[1], f[1]),
+            simd.mul_add(at, axis[2], f[2]),
+        ];
+        let w_squared = dot(simd, w, w);
+        let length = simd.sqrt(w_squared);
+        let sizes = simd.add(simd.add(norm(simd, f), norm(simd, g)), simd.max(r0, r1));
+        let margin = simd.mul(simd.mul(length, simd.add(sizes, sizes)), self.errors[3]);
+        let is_beyond = simd.lt(simd.mul_add(r0, length, margin), dot(simd, w, f))
+            & simd.lt(simd.mul_add(r1, length, margin), dot(simd, w, g));
+        let turn = simd.mul_add(simd.mul(length, self.length), simd.splat(4.0 * U), dot(simd, w, self.direction));
+        is_beyond & simd.le(turn, zero) & simd.lt(simd.splat(LEAST), w_squared)
+    }
+
+    #[inline(always)]
+    fn from_origin(&self, simd: S, [x, y, z]: [S::F; 3]) -> [S::F; 3] {
+        [simd.sub(x, self.origin[0]), simd.sub(y, self.origin[1]), simd.sub(z, self.origin[2])]
+    }
+
+    /// The product of a vector with the direction.
+    #[inline(always)]
+    pub(super) fn across_line(&self, simd: S, v: [S::F; 3]) -> [S::F; 3] {
+        let d = self.direction;
+        [
+            simd.mul_sub(v[1], d[2], simd.mul(v[2], d[1])),
+            simd.mul_sub(v[2], d[0], simd.mul(v[0], d[2])),
+            simd.mul_sub(v[0], d[1], simd.mul(v[1], d[0])),
+        ]
     }
 }
 
@@ -140,25 +205,38 @@ mod tests {
     use crate::SimdPath;
     use crate::simd::Task;
 
-    /// Whether a ray up to `t_max` may come near a segment, by a filter with these errors.
-    struct Near<'a>(&'a RoundSegment, &'a ScaledRay, f32, [f32; 2]);
+    /// Whether a ray up to `t_max` may come near a segment, and whether it certainly enters it, by a filter with these errors.
+    struct Near<'a>(&'a RoundSegment, &'a ScaledRay, f32, [f32; 4]);
 
     impl Task for Near<'_> {
-        type Output = bool;
+        type Output = [bool; 2];
 
         #[inline(always)]
-        fn on<S: Simd>(self, simd: S) -> bool {
+        fn on<S: Simd>(self, simd: S) -> [bool; 2] {
             let Self(segment, ray, t_max, errors) = self;
             let line = RayLine::new(simd, ray, errors);
             let rows = numbers(segment).map(|x| simd.splat(x));
-            let lanes = line.near_segments(simd, rows, t_max).lanes;
-            assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
-            lanes != 0
+            let Reached { lanes, certain, .. } = line.near_segments(simd, rows, 0xff, t_max);
+            let none = line.near_segments(simd, rows, 0, t_max);
+            assert!(none.lanes == 0 && none.certain == 0, "no lanes, no answers");
+            [lanes, certain].map(|mask| {
+                assert!(mask == 0 || mask == 0xff, "equal lanes have equal answers");
+                mask != 0
+            })
         }
     }
 
-    /// Segments and balls of many forms and places, and rays that graze them, some of which end or begin at the hit.
+    /// Segments and balls of many forms and places, and rays that graze them or start on them, some of which end or begin at the hit.
     fn cases(n: usize) -> impl Iterator<Item = (RoundSegment, ScaledRay)> {
+        let hits = |(segment, ray): &(RoundSegment, ScaledRay)| {
+            let found = segment.span_scaled(ray);
+            found.is_some_and(|[entry, exit]| ray.t_min <= exit.t && entry.t <= ray.t_max)
+        };
+        lines(n).filter(hits)
+    }
+
+    /// The same, and rays that pass them.
+    fn lines(n: usize) -> impl Iterator<Item = (RoundSegment, ScaledRay)> {
         let mut rng = SplitMix64::new(11);
         let mut unit = move || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
         (0..n).filter_map(move |i| {
@@ -169,7 +247,7 @@ mod tests {
             let a = [0, 1, 2].map(|k| scale * (place[k] + unit()));
             let b = [0, 1, 2].map(|k| a[k] + scale * length * unit());
             let radius = scale * [0.1, 1e-4, 0.0, 1e-7][i / 80 % 4];
-            let segment = RoundSegment { ends: [a, b], radii: [radius, radius * unit().abs()] };
+            let mut segment = RoundSegment { ends: [a, b], radii: [radius, radius * unit().abs()] };
             // Towards a point of the surface, from near, far, or along the axis.
             let away = scale * [1.0, 1e3, 1e-2][i / 320 % 3];
             let mut origin = [0, 1, 2].map(|k| a[k] + away * unit());
@@ -177,16 +255,85 @@ mod tests {
                 origin = [0, 1, 2].map(|k| a[k] - 10.0 * (b[k] - a[k]) + radius * unit());
             }
             let target = [0, 1, 2].map(|k| a[k] + 0.5 * (b[k] - a[k]) + radius * unit());
-            let given = Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]));
-            let mut ray = ScaledRay::new(&given)?;
-            let [entry, exit] = segment.span_scaled(&ray)?;
-            match i % 11 {
-                0 => (ray.t_min, ray.t_max) = (0.0, entry.t.max(0.0)),
-                1 => (ray.t_min, ray.t_max) = (exit.t.max(0.0), f32::MAX),
-                _ => (),
+            let mut direction = [0, 1, 2].map(|k| target[k] - origin[k]);
+            if i % 6 == 5 {
+                // On the lateral surface of a capsule, along it, across it or away from it.
+                segment.radii[1] = radius;
+                let [axis, aside] = [[0, 1, 2].map(|k| b[k] - a[k]), [unit(), unit(), unit()]];
+                let across = [1, 2, 0].map(|k| axis[k] * aside[(k + 1) % 3] - axis[(k + 1) % 3] * aside[k]);
+                let length = across.iter().map(|x| x * x).sum::<f32>().sqrt();
+                let [along, away, s] = [unit(), [0.0, 1e-7, 1.0][i / 6 % 3] * unit(), unit().abs()];
+                origin = [0, 1, 2].map(|k| a[k] + s * axis[k] + radius / length * across[k]);
+                direction = [0, 1, 2].map(|k| along * axis[k] + away * scale / length * across[k]);
             }
-            (ray.t_min <= exit.t && entry.t <= ray.t_max).then_some((segment, ray))
+            let mut ray = ScaledRay::new(&Ray::new(origin, direction))?;
+            if let Some([entry, exit]) = segment.span_scaled(&ray) {
+                match i % 11 {
+                    0 => (ray.t_min, ray.t_max) = (0.0, entry.t.max(0.0)),
+                    1 => (ray.t_min, ray.t_max) = (exit.t.max(0.0), f32::MAX),
+                    _ => (),
+                }
+            }
+            Some((segment, ray))
         })
+    }
+
+    /// Whether the test of the segment finds that the ray enters it in its interval.
+    fn enters(segment: &RoundSegment, ray: &ScaledRay, t_max: f32) -> bool {
+        segment.span_scaled(ray).is_some_and(|[entry, _]| ray.t_min <= entry.t && entry.t <= t_max)
+    }
+
+    #[test]
+    fn rays_enter_what_they_certainly_enter() {
+        let (mut n, mut n_certain) = (0, 0);
+        for (segment, ray) in lines(400_000) {
+            n += u32::from(enters(&segment, &ray, ray.t_max));
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let [is_near, is_certain] = path.available().run(Near(&segment, &ray, ray.t_max, ERRORS));
+                assert!(is_near || !is_certain);
+                n_certain += u32::from(is_certain && path == SimdPath::Scalar);
+                assert!(!is_certain || enters(&segment, &ray, ray.t_max), "{}: {segment:?} {ray:?}", path.name());
+            }
+        }
+        assert!(n_certain > 10_000 && n_certain < n, "{n_certain} certain of {n}");
+    }
+
+    #[test]
+    fn without_its_error_they_do_not() {
+        let [error, along, _, plane] = ERRORS;
+        for certain in [0.0, -CERTAIN] {
+            let is_wrong = |(segment, ray): &(RoundSegment, ScaledRay)| {
+                let near = Near(segment, ray, ray.t_max, [error, along, certain, plane]);
+                let [_, is_certain] = SimdPath::Scalar.available().run(near);
+                is_certain && !enters(segment, ray, ray.t_max)
+            };
+            let n_wrong = lines(400_000).filter(is_wrong).count();
+            assert!(n_wrong > 10, "{n_wrong} with {certain}");
+        }
+    }
+
+    /// Rays that leave what they start beside do not wait for it.
+    #[test]
+    fn segments_that_rays_start_beside_are_skipped() {
+        let mut rng = SplitMix64::new(14);
+        let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mut n, mut n_kept) = (0, 0);
+        while n < 20_000 {
+            let (a, s) = ([unit(), unit(), unit()], unit().abs());
+            let b = a.map(|x| x + 0.3 * unit());
+            let segment = RoundSegment { ends: [a, b], radii: [0.02, 0.02 + 0.01 * unit()] };
+            let aside = [unit(), unit(), unit()];
+            let origin = [0, 1, 2].map(|k| a[k] + s * (b[k] - a[k]) + 0.1 * aside[k]);
+            let Some(ray) = ScaledRay::new(&Ray::new(origin, [unit(), unit(), unit()])) else { continue };
+            // Beside the lateral surface, and away from it.
+            let Some([entry, exit]) = segment.span_scaled(&ray) else { continue };
+            if exit.t < -1e-4 && entry.u > 0.01 && exit.u > 0.01 && entry.u < 0.99 && exit.u < 0.99 {
+                n += 1;
+                let [is_near, _] = SimdPath::detect().available().run(Near(&segment, &ray, ray.t_max, ERRORS));
+                n_kept += u32::from(is_near);
+            }
+        }
+        assert!(n_kept < n / 4, "{n_kept} of {n}");
     }
 
     #[test]
@@ -201,7 +348,7 @@ mod tests {
             let until = if first <= ray.t_max { first } else { ray.t_max };
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
                 for t_max in [ray.t_max, until] {
-                    let is_near = path.available().run(Near(&segment, &ray, t_max, ERRORS));
+                    let [is_near, _] = path.available().run(Near(&segment, &ray, t_max, ERRORS));
                     assert!(is_near, "{}: {segment:?} {ray:?} up to {t_max}", path.name());
                 }
             }
@@ -214,9 +361,11 @@ mod tests {
         let lost = |(segment, ray): &(RoundSegment, ScaledRay), errors| {
             let [entry, exit] = segment.span_scaled(ray).expect("the ray hits it");
             let first = if entry.t >= ray.t_min { entry.t } else { exit.t };
-            !SimdPath::Scalar.available().run(Near(segment, ray, first.min(ray.t_max), errors))
+            !SimdPath::Scalar.available().run(Near(segment, ray, first.min(ray.t_max), errors))[0]
         };
-        for errors in [[0.0, ALONG], [ERROR, 0.0]] {
+        for (k, wrong) in [(0, 0.0), (1, 0.0), (3, -PLANE)] {
+            let mut errors = ERRORS;
+            errors[k] = wrong;
             let n_lost = cases(200_000).filter(|case| lost(case, errors)).count();
             assert!(n_lost > 100, "{n_lost} with {errors:?}");
         }
@@ -241,7 +390,7 @@ mod tests {
                 continue;
             }
             n += 1;
-            n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, entry.t - 0.02, ERRORS)));
+            n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, entry.t - 0.02, ERRORS))[0]);
         }
         assert!(n_kept < n / 20, "{n_kept} of {n}");
     }
@@ -261,7 +410,7 @@ mod tests {
             };
             if segment.span_scaled(&ray).is_none() {
                 n_missed += 1;
-                n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, ray.t_max, ERRORS)));
+                n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, ray.t_max, ERRORS))[0]);
             }
         }
         assert!(n_missed > 15_000 && n_kept < n_missed / 100, "{n_kept} of {n_missed}");

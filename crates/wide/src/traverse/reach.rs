@@ -16,12 +16,12 @@ pub(crate) struct RayLine<S: Simd> {
     /// Where the ray starts, times the square of the direction.
     pub(super) start: S::F,
     /// Those of the filter that the line is for.
-    pub(super) errors: [S::F; 2],
+    pub(super) errors: [S::F; 4],
 }
 
 impl<S: Simd> RayLine<S> {
     #[inline(always)]
-    pub(super) fn new(simd: S, ray: &ScaledRay, errors: [f32; 2]) -> Self {
+    pub(super) fn new(simd: S, ray: &ScaledRay, [a, b, c, d]: [f32; 4]) -> Self {
         let [x, y, z] = ray.direction;
         let direction_squared = x * x + y * y + z * z;
         Self {
@@ -30,7 +30,7 @@ impl<S: Simd> RayLine<S> {
             direction_squared,
             length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
             start: simd.splat(ray.t_min * direction_squared),
-            errors: [simd.splat(errors[0]), simd.splat(errors[1])],
+            errors: [simd.splat(a), simd.splat(b), simd.splat(c), simd.splat(d)],
         }
     }
 }
@@ -39,6 +39,8 @@ impl<S: Simd> RayLine<S> {
 #[derive(Clone, Copy)]
 pub(crate) struct Reached<S: Simd> {
     pub(crate) lanes: u32,
+    /// Those of them that it certainly enters in its interval, if they are what is around them.
+    pub(crate) certain: u32,
     /// Lower bounds of the `t` of their hits, times the square of the direction.
     pub(crate) from: S::F,
     /// The square of the direction.
@@ -46,6 +48,12 @@ pub(crate) struct Reached<S: Simd> {
 }
 
 impl<S: Simd> Reached<S> {
+    /// No lanes.
+    #[inline(always)]
+    pub(super) fn none(simd: S) -> Self {
+        Self { lanes: 0, certain: 0, from: simd.splat(0.0), squared: 0.0 }
+    }
+
     /// All lanes that the ray may reach at `t <= t_max`. The product rounds as bounds allow, or overflows and keeps all.
     #[inline(always)]
     pub(crate) fn until(&self, simd: S, t_max: f32) -> u32 {
@@ -78,6 +86,12 @@ impl<S: Simd> Reached<S> {
         }
         t_max
     }
+}
+
+/// The scalar product.
+#[inline(always)]
+pub(super) fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+    simd.mul_add(a[0], b[0], simd.mul_add(a[1], b[1], simd.mul(a[2], b[2])))
 }
 
 /// What is done with a lane. A trait instead of a closure, which is not always compiled for the instructions of a path.
@@ -114,7 +128,7 @@ mod tests {
         #[inline(always)]
         fn on<S: Simd>(self, simd: S) -> Self::Output {
             let Self(lanes, from, hits) = self;
-            let reached = Reached { lanes, from: simd.load(from), squared: 1.0 };
+            let reached = Reached { lanes, certain: 0, from: simd.load(from), squared: 1.0 };
             let mut visit = Remembered { from, hits, lanes: vec![] };
             let t_max = reached.each(simd, 10.0, &mut visit);
             (visit.lanes, t_max)
