@@ -44,7 +44,8 @@ impl RoundSegment {
     /// `|p - s·a|² <= (r0 - s·δ)²`, where `a` leads from end to end and `δ = r0 - r1`. With `e = a² - δ²` the left side exceeds the right
     /// least at `s = (p·a - r0·δ)/e`, by `p² - r0² - e·s²`: zero on the lateral surface, a quadratic equation along the line. The hull is
     /// convex, and its surface consists of parts of the two spheres and of the lateral surface at `0 <= s <= 1`; all of these are in the hull. So
-    /// the line enters at the least of their roots, and leaves at the greatest; a root of the lateral surface is the entry where the form decreases, else
+    /// the line enters at the least of their roots, and leaves at the greatest; a root of the lateral surface is the entry where the form
+    /// decreases, else
     /// the exit, and what is missing then is on a ball. Coefficients are computed in f64 by vector products, without
     /// squares of the length, from the point of the line that is nearest to the axis: then thin and distant segments have few
     /// cancellations.
@@ -56,7 +57,8 @@ impl RoundSegment {
         to_points(span(from_end, d, a, radii, f64::INFINITY))
     }
 
-    /// [`RoundSegment::span_scaled`] as far as the first hit of a ray needs it: `None` where the ray certainly leads away from the segment, and where it enters at its `t_min` or
+    /// [`RoundSegment::span_scaled`] as far as the first hit of a ray needs it: `None` where the ray certainly leads away from the
+    /// segment, and where it enters at its `t_min` or
     /// later, both points may be the entry.
     #[doc(hidden)]
     #[inline(always)]
@@ -82,17 +84,20 @@ fn to_points(ends: Option<[(f64, f64); 2]>) -> Option<[SegmentPoint; 2]> {
     Some(ends?.map(|(t, u)| SegmentPoint { t: nearest(t), u: u as f32 }))
 }
 
-/// Whether the segment along `a` is on one side of a plane, and the ray `from_origin + t·d` with `t >= 0`, relative to the first end, on the other, by more
+/// Whether the segment along `a` is on one side of a plane, and the ray `from_origin + t·d` with `t >= 0`, relative to the first end, on
+/// the other, by more
 /// than roundings: so rays lead away from what they start on.
 ///
-/// The plane is across a vector `w` to the origin, from about the center of the ball that it is nearest to. All points of both balls are behind it if `p·w` exceeds `r0·|w|` and
+/// The plane is across a vector `w` to the origin, from about the center of the ball that it is nearest to. All points of both balls are
+/// behind it if `p·w` exceeds `r0·|w|` and
 /// `(p - a)·w` exceeds `r1·|w|`, where `p` is the origin, and no point of the ray is if `d·w` is positive, whatever `w` is.
 #[inline(always)]
 fn leads_away(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> bool {
     let delta = r0 - r1;
     let recip_e = 1.0 / (dot(a, a) - delta * delta);
     // NaN becomes 0.
-    let s = ((dot(from_origin, a) - r0 * delta) * recip_e).max(0.0).min(1.0);
+    let s = ((dot(from_origin, a) - r0 * delta) * recip_e).max(0.0);
+    let s = if s > 1.0 { 1.0 } else { s };
     let w: Vector = core::array::from_fn(|k| from_origin[k] - s * a[k]);
     if dot(w, d) <= ROUNDINGS * size(w) * size(d) {
         return false;
@@ -159,7 +164,8 @@ pub(crate) fn span(
             exit = entry;
         }
     }
-    // The hull is convex: a point on the lateral surface is an end, beyond which there is no ball. The other end is on a ball, or, but for roundings,
+    // The hull is convex: a point on the lateral surface is an end, beyond which there is no ball. The other end is on a ball, or, but for
+    // roundings,
     // the same point.
     if !(has_entry && has_exit) {
         let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
@@ -242,7 +248,8 @@ mod tests {
         })
     }
 
-    /// Of rays that start outside, those that hit; of these those that lead away from the segment with its radii times this; of the others those that lead away.
+    /// Of rays that start outside, those that hit; of these those that lead away from the segment with its radii times this; of the others
+    /// those that lead away.
     fn counts(scale: f64) -> [u32; 3] {
         let mut counts = [0; 3];
         for (segment, ray) in cases(200_000) {

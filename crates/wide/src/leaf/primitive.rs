@@ -112,7 +112,8 @@ pub trait Primitive: Send + Sync {
     /// [`Primitive::ERROR`] is; otherwise hits are lost. Where there is one, `HULL` is not used.
     const BALL: Option<fn(&Self) -> Sphere> = None;
 
-    /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters it: rays that
+    /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters
+    /// it: rays that
     /// certainly hit it need no other test where any hit will do.
     const IS_HULL: bool = false;
 

@@ -217,7 +217,8 @@ fn repeated<P>(shapes: &Shapes<P>, first: usize, n: usize) -> [&P; 8] {
     std::array::from_fn(|k| shapes.at(first + if k < n { k } else { 0 }))
 }
 
-/// The numbers of the balls or the segments around primitives, in rows of four: those of balls, or of the first parts of segments; those of the second parts.
+/// The numbers of the balls or the segments around primitives, in rows of four: those of balls, or of the first parts of segments; those
+/// of the second parts.
 #[inline(always)]
 fn halves<S: Simd, P: Primitive>(simd: S, primitives: &[P; 8]) -> [[S::F; 8]; 2] {
     let (mut low, mut high) = ([simd.splat(0.0); 8], [simd.splat(0.0); 8]);

@@ -10,7 +10,8 @@ use crate::simd::Simd;
 /// How much nearer to the center than the radius a line certainly enters a ball, relative to the sizes.
 const CERTAIN: f32 = 32.0 * U;
 
-/// More than all roundings of the distance between a line and a center, and of a position along the line, relative to the sizes; [`CERTAIN`]; none.
+/// More than all roundings of the distance between a line and a center, and of a position along the line, relative to the sizes;
+/// [`CERTAIN`]; none.
 const ERRORS: [f32; 4] = [10.0 * U, 32.0 * U, CERTAIN, 0.0];
 
 impl<S: Simd> RayLine<S> {
@@ -42,7 +43,8 @@ impl<S: Simd> RayLine<S> {
     /// Squares are compared first, which is a rounding of the reach more and one of the distance less: `e` has both to spare.
     ///
     /// # Certain hits
-    /// A line that is nearer than `r·D` by [`CERTAIN`] of the sizes passes through the ball: that is more than `e` and the 5 u of the length. It enters
+    /// A line that is nearer than `r·D` by [`CERTAIN`] of the sizes passes through the ball: that is more than `e` and the 5 u of the
+    /// length. It enters
     /// before the center, and so in its interval if the bound of the entry is not before `t_min`, and the center not beyond `t_max`.
     #[inline(always)]
     pub(crate) fn near_balls(&self, simd: S, [x, y, z, radius]: [S::F; 4], of: u32, t_max: f32) -> Reached<S> {
@@ -66,8 +68,7 @@ impl<S: Simd> RayLine<S> {
         let half = simd.add(simd.sqrt(simd.mul(gap, simd.add(reach, apart))), pad);
         let center = dot(simd, m, self.direction);
         let is_before = simd.lt(simd.add(center, half), self.start);
-        let reached =
-            Reached { lanes: 0, certain: 0, from: simd.sub(center, half), squared: self.direction_squared };
+        let reached = Reached { lanes: 0, certain: 0, from: simd.sub(center, half), squared: self.direction_squared };
         let lanes = of & !(passes | is_before) & reached.until(simd, t_max);
 
         let is_inside = simd.lt(simd.add(apart, simd.mul_add(size, self.errors[2], tiny)), radius);

@@ -80,8 +80,10 @@ impl<S: Simd> RayLine<S> {
     /// u·A·D of the step.
     ///
     /// # Certain hits
-    /// The line is `|m + s·c|/D` from the point at `s`, whatever `s` is, and 11 u·D·(F + A) covers the roundings of that; the test of a round segment may be
-    /// off by 2 u·(F + A + r). So a line that is nearer than the lesser radius by [`CERTAIN`] of the sizes enters the segment, no later than at the point nearest
+    /// The line is `|m + s·c|/D` from the point at `s`, whatever `s` is, and 11 u·D·(F + A) covers the roundings of that; the test of a
+    /// round segment may be
+    /// off by 2 u·(F + A + r). So a line that is nearer than the lesser radius by [`CERTAIN`] of the sizes enters the segment, no later
+    /// than at the point nearest
     /// to that at `s`, and it does so in its interval if the bound of the entry is not before `t_min`, and that point not beyond `t_max`.
     #[inline(always)]
     pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], of: u32, t_max: f32) -> Reached<S> {
@@ -142,14 +144,18 @@ impl<S: Simd> RayLine<S> {
         Reached { lanes, certain: lanes & is_inside & is_within, ..reached }
     }
 
-    /// Lanes whose segment is on one side of a plane, and the ray, from its origin on, on the other, as rays that leave a surface are beside what they start on.
+    /// Lanes whose segment is on one side of a plane, and the ray, from its origin on, on the other, as rays that leave a surface are
+    /// beside what they start on.
     ///
     /// # Error
-    /// Let `f` and `g` be the vectors to the ends, and `w` the one to a point of the axis, about that whose ball the ray's origin is nearest to. All points of the segment are
+    /// Let `f` and `g` be the vectors to the ends, and `w` the one to a point of the axis, about that whose ball the ray's origin is
+    /// nearest to. All points of the segment are
     /// beyond the origin along `w` if `w·f` exceeds `r0·|w|` and `w·g` exceeds `r1·|w|`, whatever `w` is; points of the ray are not if
-    /// `w·d` is at most 0. A product is off by 4 u·|w|·F, as inputs and three sums are rounded, `r·|w|` by 4 u of itself, the test of a primitive
+    /// `w·d` is at most 0. A product is off by 4 u·|w|·F, as inputs and three sums are rounded, `r·|w|` by 4 u of itself, the test of a
+    /// primitive
     /// by 3.5 u·(F + r)·|w|: all are less than 16 u of `|w|·(|f|₁ + |g|₁ + r)`, half of what [`PLANE`] has. `w·d` is off by 3 u·|w|·D.
-    /// Where `|w|` times twice the sizes does not overflow, no product does. Where `w²` is above 2^-100, what underflows is less than the margin.
+    /// Where `|w|` times twice the sizes does not overflow, no product does. Where `w²` is above 2^-100, what underflows is less than the
+    /// margin.
     #[inline(always)]
     fn is_behind(&self, simd: S, [f, g]: [[S::F; 3]; 2], axis: [S::F; 3], [r0, r1]: [S::F; 2]) -> u32 {
         let zero = simd.splat(0.0);
@@ -157,11 +163,7 @@ impl<S: Simd> RayLine<S> {
         let squared = simd.neg_mul_sub(narrowing, narrowing, simd.sub(zero, dot(simd, axis, axis)));
         let at = simd.div(simd.neg_mul_sub(r0, narrowing, dot(simd, f, axis)), squared);
         let at = simd.min(simd.max(at, zero), simd.splat(1.0));
-        let w = [
-            simd.mul_add(at, axis[0], f[0]),
-            simd.mul_add(at, axis[1], f[1]),
-            simd.mul_add(at, axis[2], f[2]),
-        ];
+        let w = [simd.mul_add(at, axis[0], f[0]), simd.mul_add(at, axis[1], f[1]), simd.mul_add(at, axis[2], f[2])];
         let w_squared = dot(simd, w, w);
         let length = simd.sqrt(w_squared);
         let sizes = simd.add(simd.add(norm(simd, f), norm(simd, g)), simd.max(r0, r1));
