@@ -89,7 +89,7 @@ impl<S: Simd> RayLine<S> {
     pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], of: u32, t_max: f32) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;
         let [zero, one, tiny] = [0.0, 1.0, f32::MIN_POSITIVE].map(|x| simd.splat(x));
-        let from_origin = self.from_origin(simd, [ax, ay, az]);
+        let from_origin = self.relative(simd, [ax, ay, az]);
         let radius = simd.max(r0, r1);
         let axis = [simd.sub(bx, ax), simd.sub(by, ay), simd.sub(bz, az)];
         let (moment, across) = (self.across_line(simd, from_origin), self.across_line(simd, axis));
@@ -133,7 +133,7 @@ impl<S: Simd> RayLine<S> {
         // The second where the first is NaN.
         let from = simd.max(simd.pick(is_known, simd.splat(SLANTED), by_nearest, by_ends), by_ends);
         let reached = Reached { lanes: 0, certain: 0, from: simd.sub(from, pad), squared: self.direction_squared };
-        let is_behind = self.is_behind(simd, [from_origin, self.from_origin(simd, [bx, by, bz])], axis, [r0, r1]);
+        let is_behind = self.is_behind(simd, [from_origin, self.relative(simd, [bx, by, bz])], axis, [r0, r1]);
         let lanes = near & !(is_before | is_behind) & reached.until(simd, t_max);
 
         let depth = simd.sub(simd.min(r0, r1), simd.mul(self.errors[2], size));
@@ -175,7 +175,7 @@ impl<S: Simd> RayLine<S> {
     }
 
     #[inline(always)]
-    fn from_origin(&self, simd: S, [x, y, z]: [S::F; 3]) -> [S::F; 3] {
+    fn relative(&self, simd: S, [x, y, z]: [S::F; 3]) -> [S::F; 3] {
         [simd.sub(x, self.origin[0]), simd.sub(y, self.origin[1]), simd.sub(z, self.origin[2])]
     }
 
