@@ -608,7 +608,7 @@ struct Picture {
     limit: f32,
 }
 
-/// Work-groups of a dispatch. Each takes a block of samples of 64 / block pixels of a cell of 8 x 8.
+/// Work-groups of a dispatch. Each takes one sample of each of the 64 pixels of a cell.
 struct Slice {
     /// Index of the first work-group among those of all cells and samples.
     first_group: u32,
@@ -617,8 +617,8 @@ struct Slice {
     first_sample: u32,
     /// Samples per pixel, and work-groups per cell.
     n_samples: u32,
-    /// Samples of a pixel that a work-group takes: a power of two up to 64 that divides `n_samples`.
-    block: u32,
+    /// Index of the first of `cells` among those whose samples are summed together.
+    first_cell: u32,
 }
 
 @group(1) @binding(0) var<uniform> picture: Picture;
@@ -637,20 +637,16 @@ struct PixelSample {
     is_inside: bool,
 }
 
-/// The sample of an invocation. A cell takes one block of all its pixels after the other; in a block, the samples of a pixel are
-/// neighbors.
+/// The sample of an invocation. A cell takes one sample of all its pixels after the other.
 fn taken(group: u32, local: u32) -> PixelSample {
     let number = slice.first_group + group;
     if number >= slice.end_group {
         return PixelSample(vec2(0u), 0u, 0u, false);
     }
     let cell = cells[number / slice.n_samples];
-    let group_of_cell = number % slice.n_samples;
-    let pixel_of_cell = (64u * (group_of_cell % slice.block) + local) / slice.block;
-    let first = slice.first_sample + group_of_cell - group_of_cell % slice.block;
-    let at = 8u * vec2(cell & 0xffffu, cell >> 16u) + vec2(pixel_of_cell % 8u, pixel_of_cell / 8u);
+    let at = 8u * vec2(cell & 0xffffu, cell >> 16u) + vec2(local % 8u, local / 8u);
     let is_inside = at.x < picture.size.x && at.y < picture.size.y;
-    return PixelSample(at, at.y * picture.size.x + at.x, first + local % slice.block, is_inside);
+    return PixelSample(at, at.y * picture.size.x + at.x, slice.first_sample + number % slice.n_samples, is_inside);
 }
 
 /// Light after so many surfaces scattered it, within the limit of the picture. Mirrors and clear glass in front of the first surface do
@@ -662,6 +658,9 @@ fn limited(light: vec3<f32>, n_scattered: u32) -> vec3<f32> {
     }
     return light * (picture.limit / greatest);
 }
+
+/// Sampler dimension of the position in the pixel.
+const PIXEL_POSITION: u32 = 0u;
 
 /// The point of the unit square of a sample for `dimension`.
 fn square(one: PixelSample, dimension: u32) -> vec2<f32> {

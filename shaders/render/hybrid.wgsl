@@ -1,6 +1,6 @@
 // Hybrid integrator: one sample of one pixel per invocation.
 //
-// `?film` is what is kept of samples, `?components` what of their light in parts, `?first_light` what of that at the first surface, `?mask` which hits count,
+// `?components` is what is kept of the light in parts, `?first_light` what of that at the first surface, `?mask` which hits count,
 // `?time` the time of rays, `?first` what is known of the first hits.
 //
 // All rays of a sample share one call site. Compilers inline functions at each call, and traversal is by far the largest.
@@ -8,7 +8,7 @@
 // use shared/hybrid
 // use shared/ray
 // use ?traverse
-// use ?film
+// use shared/camera/film
 // use ?components
 // use ?first_light
 // use ?mask

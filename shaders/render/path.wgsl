@@ -1,13 +1,13 @@
 // Path tracer: one sample of one pixel per invocation.
 //
-// `?film` is what is kept of samples, `?components` what of their light in parts, `?mask` which hits count, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
+// `?components` is what is kept of the light in parts, `?mask` which hits count, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
 // Compilers inline functions at each call.
 // use shared/invocation/index
 // use shared/facing
 // use shared/path
 // use shared/ray
 // use ?traverse
-// use ?film
+// use shared/camera/film
 // use ?components
 // use ?mask
 // use ?time

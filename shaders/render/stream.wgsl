@@ -2,12 +2,12 @@
 //
 // ```text
 // start -> rays -> trace/certain_closest, ... -> shade -> rays, shadow rays -> ...      for as many rounds as a sample may need
-//                                                      -> finish, of all samples at once
+//                                                      -> rest, of those that need more -> finish, of all samples at once
 // ```
 //
 // `?integrator` says what a sample does with the answers to its rays. A shadow ray and the onward ray of the same surface are traced at the same time; light is
 // added in the order of `render/path` and `render/hybrid`, so a sample has the same bits. Samples that go on, rays and shadow rays are lists of indices:
-// a dispatch has invocations for those alone. The states lie in the order of samples, so `finish` sums as the kernels of whole samples do.
+// a dispatch has invocations for those alone. The states lie in the order of samples, as the samples that `finish` keeps.
 // use shared/invocation/index
 // use shared/ray
 // use ?integrator
@@ -225,10 +225,60 @@ fn advance_by_answers(state: ptr<function, State>, index: u32) {
     }
 }
 
+// part rest
+// The rest of the listed samples: an invocation traces all rays of one, as the kernels of whole samples do. For frames that shall take few dispatches.
+// use render/stream/listed
+// use shared/facing
+// use shared/hash/ray_key
+// use ?traverse
+// use ?mask
+// use ?time
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let entry = invocation(id, 64u);
+    if entry >= listed.n {
+        return;
+    }
+    let index = listed.indices[entry];
+    let one = taken(index / 64u, index % 64u);
+    choose_time(one);
+    var state = states[index];
+    // The hidden face at which the scattered ray that is traced again ends.
+    var hidden = miss();
+    ray_sample = one.sample;
+    loop {
+        ray_key = key_of(state, one);
+        let is_scattered = state.stage == ONWARD && has_scattered(state);
+        let is_arriving = state.stage == TO_LIGHT || hidden.instance != NONE;
+        face_along(state.ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+        var hit = traverse(state.ray, is_arriving);
+        if hidden.instance != NONE {
+            // The ray leaves the scene, or ends at the hidden face.
+            if hit.instance != NONE {
+                hit = hidden;
+            }
+            hidden = miss();
+        } else if is_scattered && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
+            hidden = hit;
+            state.n_rays += 1u;
+            continue;
+        }
+        advance(&state, one, hit);
+        if state.stage == DONE || is_incomplete {
+            break;
+        }
+    }
+    if is_incomplete {
+        state.stage = CUT;
+    }
+    states[index] = state;
+}
+
 // part finish
-// Keeps the light of all samples of the dispatch. `?film` is what is kept.
+// Keeps the light of all samples of the dispatch.
 // use shared/invocation/incomplete
-// use ?film
+// use shared/camera/film
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {

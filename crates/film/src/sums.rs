@@ -39,7 +39,8 @@ impl Pixel {
         if !radiance.iter().all(|x| x.is_finite()) {
             return Self { n_dropped: 1, ..Self::default() };
         }
-        let sum = radiance.map(f64::from);
+        // Without negative zeros, which sums would lose or not by the order of their terms.
+        let sum = radiance.map(|x| f64::from(x) + 0.0);
         Self { sum, sum_of_squares: sum.map(|x| x * x), n_samples: 1, ..Self::default() }
     }
 
@@ -50,16 +51,7 @@ impl Pixel {
         if weight >= 0.0 {
             return sample;
         }
-        Self { sum: sample.sum.map(|x| -x), n_negative: sample.n_samples, ..sample }
-    }
-
-    /// Samples that were summed elsewhere: their sum, minus that of samples with negative weight, and the sum of squared deviations of
-    /// these terms from their mean. The numbers are those of [`Pixel::n_samples`], [`Pixel::n_negative`] and [`Pixel::n_dropped`].
-    #[must_use]
-    pub fn of_sums(sum: [f64; 3], squared_deviations: [f64; 3], [n_samples, n_negative, n_dropped]: [u32; 3]) -> Self {
-        let n = f64::from(n_samples.max(1));
-        let sum_of_squares = std::array::from_fn(|k| squared_deviations[k] + sum[k] * sum[k] / n);
-        Self { sum, sum_of_squares, n_samples, n_negative, n_dropped }
+        Self { sum: sample.sum.map(|x| 0.0 - x), n_negative: sample.n_samples, ..sample }
     }
 
     /// Samples taken, including dropped ones.
@@ -321,6 +313,15 @@ impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
         self.push(Block { first: sample, len: 1 }, value);
     }
 
+    /// Adds the sum of all values of `samples`, which was made elsewhere in the same order, as that of a block, or as the only one.
+    pub fn push_sum(&mut self, samples: Range<u32>, sum: T) {
+        match Block::of(samples)[..] {
+            [block] => self.push(block, sum),
+            // It is half of no block.
+            _ => self.blocks = vec![(Block { first: 0, len: 0 }, sum)],
+        }
+    }
+
     /// The values of the blocks, in order.
     pub(crate) fn values(&self) -> impl Iterator<Item = T> {
         self.blocks.iter().map(|(_, value)| *value)
@@ -509,13 +510,21 @@ mod tests {
     }
 
     #[test]
-    fn samples_summed_elsewhere_are_those_of_one_after_the_other() {
-        let sample = |x: f32, weight: f32| Pixel::weighted([x, 2.0 * x, 0.0], weight);
-        let each =
-            sample(1.0, 1.0) + sample(3.0, 1.0) + sample(2.0, -1.0) + Pixel::of([f32::NAN; 3]) + sample(6.0, 1.0);
-        // The terms 1, 3, -2 and 6 have the mean 2 and deviate by 1, 1, 4 and 4.
-        assert_eq!(Pixel::of_sums([8.0, 16.0, 0.0], [34.0, 136.0, 0.0], [4, 1, 1]), each);
-        assert_eq!(Pixel::of_sums([0.0; 3], [0.0; 3], [0, 0, 1]), Pixel::of([f32::NAN; 3]));
+    fn sums_made_elsewhere_stay_what_they_are() {
+        let mut dyadic = Dyadic::default();
+        dyadic.push_sum(0..4, 1.0);
+        dyadic.push_sum(4..8, 2.0);
+        assert_eq!((dyadic.total(), dyadic.values().count()), (3.0, 1));
+        let mut all = Dyadic::default();
+        all.push_sum(0..100, 5.0);
+        assert_eq!((all.total(), all.values().count()), (5.0, 1));
+    }
+
+    #[test]
+    fn no_sum_is_a_negative_zero() {
+        for (x, weight) in [(0.0, 1.0), (0.0, -1.0), (-0.0, 1.0), (-0.0, -1.0)] {
+            assert!(Pixel::weighted([x; 3], weight).sum.iter().all(|x| x.is_sign_positive()));
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use canted_film::{Aov, Aovs, Filter, Record, Tiling};
+use canted_film::{Aov, Aovs, Block, Filter, Record, Tiling};
 
 use crate::{Hemisphere, Lod, Pattern};
 
@@ -109,22 +109,26 @@ impl FirstHit {
 
 /// Where the samples of a pixel are summed that a device takes.
 ///
-/// The host sums in `f64`. The device sums blocks of up to 64 samples in `f32`, by halves, and the host sums the blocks in `f64`.
-/// Each sample takes part in at most six additions of `f32`, and radiance is not negative, so the relative error of a sum is at most
-/// `gamma(6)`, 7.2e-7 for roundings of 2^-23, which devices may have in any direction (Higham 2002, section 4.2); with negative lobes of a filter, relative to the sum of absolute values. Blocks depend
-/// on the sample numbers alone, so the bits do not depend on tiles, dispatches, or who shares the tiles. Parts that start at multiples of
-/// 64 samples join to the bits of the whole, others up to that error.
+/// The bits are the same: the device computes the `f64` of the host in integers, with the same additions in the same order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleSums {
     /// Every sample is downloaded.
     #[default]
     Host,
-    /// A work-group sums the samples of its pixels: 40 bytes per block are downloaded instead of 16 per sample, a 25th for 64 samples and
-    /// more than on the host for one, two, three or seven.
+    /// The device sums the samples of a pixel: 64 bytes are downloaded for any number of them, instead of 16 for each. With [`Settings::part`], for
+    /// each block whose sum the film keeps; with [`Settings::noise`], each time that it decides.
     Device,
 }
 
 impl SampleSums {
+    /// Where fewer bytes are downloaded.
+    #[must_use]
+    pub fn of_fewer_bytes(settings: &Settings) -> Self {
+        let n_records = settings.part.map_or(1, |[first, end]| Block::of(first..end).len());
+        // A sum has four times the bytes of a sample.
+        if settings.range().len() > 4 * n_records { Self::Device } else { Self::Host }
+    }
+
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Host, Self::Device];
 
@@ -261,7 +265,7 @@ impl Settings {
             hemisphere,
             ao_radius,
             means_only: _,
-            sums,
+            sums: _,
             tile: _,
         } = self;
         let pattern = match pattern {
@@ -270,8 +274,7 @@ impl Settings {
             pattern => pattern.name().to_owned(),
         };
         let radius = ao_radius.map_or_else(|| "auto".to_owned(), |radius| radius.to_string());
-        // Defaults are not stated, so that records without them keep their meaning.
-        let sums = (*sums == SampleSums::Device).then(|| ("sums", "device".to_owned()));
+        // The default is not stated, so that records without it keep their meaning.
         let hemisphere = (*hemisphere != Hemisphere::Cosine).then(|| ("hemisphere", hemisphere.name().to_owned()));
         [
             ("size", format!("{width}x{height}")),
@@ -287,7 +290,6 @@ impl Settings {
             ("ao-radius", radius),
         ]
         .into_iter()
-        .chain(sums)
         .chain(hemisphere)
         .map(|(name, value)| (name.to_owned(), value))
         .collect()

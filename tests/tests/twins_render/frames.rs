@@ -22,7 +22,9 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(frames_upload_what_changed),
         needs_device(frames_of_binary_bvhs_are_updated_on_the_device),
         needs_device(a_frame_of_a_small_mesh_takes_few_dispatches_and_downloads_its_picture),
+        needs_device(a_frame_of_many_samples_takes_few_dispatches_and_one_download),
         needs_device(faults_are_read_back_where_they_may_be),
+        needs_device(times_of_frames), // TEMPORARY
     ]
 }
 
@@ -166,6 +168,40 @@ fn a_frame_of_a_small_mesh_takes_few_dispatches_and_downloads_its_picture() {
     assert_eq!((frames.updates().whole, frames.updates().rebuilds), (1, 2));
 }
 
+/// Such a frame of more samples than one kernel takes whole, on a device that is as fast as hardware.
+fn a_frame_of_many_samples_takes_few_dispatches_and_one_download() {
+    let gpu = gpu();
+    let (mut scene, camera) = room();
+    let ball = icosphere(2);
+    let number = u32::try_from(scene.meshes.len()).unwrap();
+    scene.meshes.push(mesh(ball.positions, ball.triangles, 1));
+    scene.instances.push(instance(number, [[0.8, 0.0, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0, 0.8], [0.0; 3]]));
+    let mut bvh =
+        SceneBvh::build(&scene, &SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() }).unwrap();
+    let mut frames = DeviceFrames::default().with_wide(WideConfig { bits: Bits::B63, ..WideConfig::default() });
+    let large = Settings { width: 640, height: 360, bounces: 2, ..settings() };
+    for (frame, samples) in [0, 1, 4].into_iter().enumerate() {
+        scene.meshes[number as usize].positions.iter_mut().for_each(|p| p[1] *= 1.1);
+        bvh.update(&scene, &UpdateOptions::default()).unwrap();
+        let surfaces = Surfaces::with_lod(&scene, settings().lod);
+        let settings = if samples == 0 { settings() } else { Settings { samples, ..large } };
+        frames.expect_hardware();
+        let before = gpu.traffic();
+        let picture = DevicePicture::in_frame(&gpu, &surfaces, &bvh, &camera, &settings, &mut frames).unwrap();
+        rendered(&picture);
+        let Traffic { n_dispatches, n_downloads, downloaded_bytes, .. } = gpu.traffic() - before;
+        if frame > 0 {
+            assert!(n_dispatches <= 20, "{samples} samples: {n_dispatches} dispatches");
+            let words = downloaded_bytes - u64::from(16 * samples * settings.width * settings.height);
+            // How many samples each round left, and how many rays each query left to exact arithmetic.
+            assert!(
+                n_downloads == 1 && words <= 4 * 6,
+                "{samples} samples: {n_downloads} downloads, {words} bytes beside"
+            );
+        }
+    }
+}
+
 /// Only where rounding may decide whether the device places an instance, the next frame reads back whether it did.
 fn faults_are_read_back_where_they_may_be() {
     let gpu = gpu();
@@ -188,4 +224,38 @@ fn faults_are_read_back_where_they_may_be() {
     scene.meshes[mesh].positions.iter_mut().for_each(|position| *position = position.map(|x| 1e-6 * x));
     bvh.update(&scene, &UpdateOptions::default()).unwrap();
     assert!(traced_frame(&gpu, &scene, &bvh, &mut frames).is_err());
+}
+
+// TEMPORARY
+fn times_of_frames() {
+    let gpu = gpu();
+    for (name, scene, camera) in [
+        ("room", room().0, room().1),
+        ("built-in", canted_scene::builtin(), super::scenes::frame_of(&canted_scene::builtin())),
+    ] {
+        let bvh =
+            SceneBvh::build(&scene, &SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() }).unwrap();
+        for (integrator, bounces) in [(Integrator::Path, 8), (Integrator::Hybrid, 1)] {
+            let settings = Settings { width: 320, height: 184, samples: 4, bounces, integrator, ..settings() };
+            let surfaces = Surfaces::with_lod(&scene, settings.lod);
+            let make = || DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings).unwrap();
+            let pictures = [
+                make().with_streams(false).unwrap(),
+                make().with_streams(true).unwrap(),
+                make().with_few_rounds(1).unwrap(),
+                make().with_few_rounds(2).unwrap(),
+                make().with_few_rounds(3).unwrap(),
+            ];
+            let mut times = vec![vec![]; 5];
+            for _ in 0..4 {
+                for (k, picture) in pictures.iter().enumerate() {
+                    let start = std::time::Instant::now();
+                    rendered(picture);
+                    times[k].push(start.elapsed().as_secs_f64());
+                }
+            }
+            let least: Vec<f64> = times.iter().map(|t| t[1..].iter().copied().fold(f64::INFINITY, f64::min)).collect();
+            println!("{name} {integrator:?} whole, streams, few 1, 2, 3: {least:.3?}");
+        }
+    }
 }

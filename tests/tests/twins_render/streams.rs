@@ -40,6 +40,21 @@ fn rendered(
     monitored(|monitor| picture.render(vec![], monitor)).unwrap()
 }
 
+/// The same after few rounds, with so many iterations for the rays of a sample.
+fn ended_after(
+    few: u32,
+    gpu: &Gpu,
+    (scene, camera): (&Scene, &Camera),
+    bvh: &SceneBvh,
+    settings: &Settings,
+    n: u32,
+) -> Film {
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let of = |scene: &Scene| Ok(traced_scene(gpu, scene, bvh)?.with_max_iterations(n));
+    let picture = DevicePicture::over(gpu, &surfaces, bvh, camera, settings, of).unwrap().with_few_rounds(few).unwrap();
+    monitored(|monitor| picture.render(vec![], monitor)).unwrap()
+}
+
 fn streams_have_the_bits_of_one_kernel() {
     let gpu = gpu();
     let (mut lit, camera_of_lit) = scenes::room();
@@ -72,6 +87,10 @@ fn streams_have_the_bits_of_one_kernel() {
             let [streams, whole] =
                 [true, false].map(|streams| rendered(&gpu, (scene, camera), &bvh, &settings, streams, |traced| traced));
             assert!(streams == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {sums:?}");
+            // One kernel ends the samples after this number of rounds, as in a frame.
+            let few = if sums == SampleSums::Host { 2 } else { 1 };
+            let ended = ended_after(few, &gpu, (scene, camera), &bvh, &settings, 1 << 18);
+            assert!(ended == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {few} rounds");
             // The comparison detects a picture without bounces.
             if bounces > 0 {
                 let fewer = Settings { bounces: 0, ..settings };
@@ -117,6 +136,11 @@ fn the_cpu_takes_paths_that_streams_cut() {
         // No ray is finished: each sample is the CPU's. With enough iterations none is.
         assert!(with(0) == of_cpu, "{sums:?}");
         assert!(with(1 << 18) != of_cpu, "{sums:?}");
+        let ended = |n| ended_after(1, &gpu, (&scene, &camera), &bvh, &settings, n);
+        assert!(ended(0) == of_cpu && ended(1 << 18) == with(1 << 18), "{sums:?}");
+        // Some are cut by the last kernel alone, which counts the iterations of all rays of a sample.
+        let some = ended(200);
+        assert!(some != of_cpu && some != ended(1 << 18), "{sums:?}");
     }
 }
 

@@ -1,47 +1,34 @@
 //! Samples that the device sums compared with the same samples summed by the host.
-//!
-//! Not covered: samples that are not finite, which kernels do not make.
 
 use std::sync::atomic::AtomicBool;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Aov, Film, Filter, Part, Pixel};
+use canted_film::{Aov, Dyadic, Film, Filter, Part, Pixel};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Gpu, TracedScene, Variant, block_on, choice, wgsl};
+use canted_gpu::{Gpu, NamedBinding, TracedScene, Traffic, Variant, block_on, choice, wgsl};
 use canted_renderer::{
     DevicePicture, Integrator, Levels, Monitor, Pattern, SampleSums, Sampler, SceneBvh, Settings, Surfaces,
     traced_scene,
 };
-use canted_scene::{Camera, Environment, Scene};
+use canted_scene::{Camera, Scene};
 
 use crate::{
     gpu,
-    scenes::{self, difference, on_cpu, on_device, scene_bvh},
+    scenes::{self, on_cpu, on_device, scene_bvh},
 };
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(sums_of_the_device_are_those_of_the_host),
-        needs_device(a_missing_sample_is_detected),
+        needs_device(a_picture_downloads_each_pixel_once),
+        needs_device(another_order_is_detected),
+        needs_device(sums_of_any_numbers_have_the_bits_of_the_host),
         needs_device(parts_join),
         needs_device(noise_and_channels_are_those_of_the_host),
         needs_device(the_cpu_takes_unfinished_samples),
         needs_device(random_numbers_have_the_same_bits),
     ]
 }
-
-/// Relative rounding error of `n` operations in `f32` that round in any direction (Higham 2002, section 3.1).
-fn gamma(n: f64) -> f64 {
-    let u = f64::from(f32::EPSILON);
-    n * u / (1.0 - n * u)
-}
-
-/// Additions on the way of each of 64 samples, which bound the error of a sum relative to the sum of absolute values.
-const SUM: f64 = 6.0;
-
-/// Roundings of a sum of squares, relative to it. Each of six merges takes means, which have at most 12 roundings, and whose squared difference is
-/// at most four times the squares below it: `6 * 4 * 12`. The film adds the square of the mean, which has as many.
-const SQUARES: f64 = 300.0;
 
 fn settings(integrator: Integrator, samples: u32) -> Settings {
     Settings { width: 21, height: 13, samples, integrator, bounces: 2, ..Settings::default() }
@@ -51,34 +38,9 @@ pub(super) fn monitored<T>(then: impl FnOnce(&Monitor) -> T) -> T {
     then(&Monitor::quiet(&AtomicBool::new(false)))
 }
 
-/// Pixels whose sums differ by more than the roundings of the device's sums.
-fn n_apart(ours: &Film, theirs: &Film) -> usize {
-    assert_eq!((ours.pixels().len(), ours.width()), (theirs.pixels().len(), theirs.width()));
-    let is_apart = |a: &Pixel, b: &Pixel| {
-        (0..3).any(|k| {
-            // At least the sum of absolute values (Cauchy-Schwarz); radiance itself is not negative.
-            let absolute = match b.n_negative {
-                0 => b.sum[k],
-                _ => (f64::from(b.n_samples) * b.sum_of_squares[k]).sqrt(),
-            };
-            let squares = (a.sum_of_squares[k] - b.sum_of_squares[k]).abs();
-            (a.sum[k] - b.sum[k]).abs() > gamma(SUM) * absolute || squares > gamma(SQUARES) * b.sum_of_squares[k]
-        })
-    };
-    ours.pixels().iter().zip(theirs.pixels()).filter(|(a, b)| is_apart(a, b)).count()
-}
-
 /// Numbers of samples of each pixel: summed, negative, dropped.
 fn counts(film: &Film) -> Vec<[u32; 3]> {
     film.pixels().iter().map(|pixel| [pixel.n_samples, pixel.n_negative, pixel.n_dropped]).collect()
-}
-
-/// Whether two films are the same but for the roundings of the device's sums.
-#[track_caller]
-fn check(ours: &Film, theirs: &Film, name: &str) {
-    assert_eq!(counts(ours), counts(theirs), "{name}");
-    assert_eq!(ours.n_rays(), theirs.n_rays(), "{name}");
-    assert_eq!(n_apart(ours, theirs), 0, "{name}");
 }
 
 fn sums_of_the_device_are_those_of_the_host() {
@@ -90,69 +52,88 @@ fn sums_of_the_device_are_those_of_the_host() {
             let host = Settings { filter, ..settings(integrator, samples) };
             let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
             let device = Settings { sums: SampleSums::Device, ..host };
-            let ours = on_device(&gpu, &scene, &bvh, &camera, &device);
             let name = format!("{integrator:?}, {samples} samples, {filter}");
-            check(&ours, &theirs, &name);
-            assert_eq!(ours == theirs, samples == 1, "{name}: only single samples are not summed");
             assert_eq!(theirs.pixels().iter().any(|pixel| pixel.n_negative > 0), filter == Filter::MITCHELL);
-            if samples == 64 {
-                // Cells end between tiles of another size, and dispatches between cells.
-                for tile in [8, 16] {
-                    let film = on_device(&gpu, &scene, &bvh, &camera, &Settings { tile, ..device });
-                    assert!(film == ours, "{name}, tiles of {tile}");
-                }
+            // Cells end between tiles of another size, and dispatches between cells.
+            for tile in [host.tile, 8, 16] {
+                let film = on_device(&gpu, &scene, &bvh, &camera, &Settings { tile, ..device });
+                assert!(film == theirs, "{name}, tiles of {tile}");
             }
         }
     }
 }
 
-fn a_missing_sample_is_detected() {
+/// Each pixel comes back once, for any number of samples.
+fn a_picture_downloads_each_pixel_once() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    for integrator in [Integrator::Hybrid, Integrator::Path] {
-        let host = settings(integrator, 64);
-        let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
-        let without_last = Settings { part: Some([0, 63]), sums: SampleSums::Device, ..host };
-        let ours = on_device(&gpu, &scene, &bvh, &camera, &without_last);
-        let n = n_apart(&ours, &theirs);
-        assert!(2 * n > theirs.pixels().len(), "{integrator:?}: {n} of {}", theirs.pixels().len());
+    // Of whole cells.
+    let n_pixels = 24 * 16;
+    for samples in [1, 3, 64, 100, 1000] {
+        let settings = Settings { sums: SampleSums::Device, ..settings(Integrator::Hybrid, samples) };
+        let before = gpu.traffic();
+        on_device(&gpu, &scene, &bvh, &camera, &settings);
+        let Traffic { downloaded_bytes, n_downloads, .. } = gpu.traffic() - before;
+        // And some words for each dispatch: how many samples the CPU must take, and what streams count.
+        let words = downloaded_bytes - 64 * n_pixels;
+        assert!(
+            words <= 4 * 256 * n_downloads,
+            "{samples} samples: {downloaded_bytes} bytes in {n_downloads} downloads"
+        );
     }
 }
 
-/// Parts that start at multiples of 64 join to the bits of the whole, others but for rounding.
+/// The sums of samples that are added in another order have other bits.
+fn another_order_is_detected() {
+    let gpu = gpu();
+    let (scene, camera) = scenes::room();
+    let bvh = scene_bvh(&scene, Levels::One);
+    let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Path, 16) };
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &device);
+    let each: Vec<Film> = (0..device.samples)
+        .map(|k| on_device(&gpu, &scene, &bvh, &camera, &Settings { part: Some([k, k + 1]), ..device }))
+        .collect();
+    let in_order = |pixel: usize| each.iter().map(|film| film.pixels()[pixel]).reduce(|a, b| a + b).unwrap();
+    let n = ours.pixels().len();
+    let n_apart = (0..n).filter(|&pixel| in_order(pixel) != ours.pixels()[pixel]).count();
+    assert!(n_apart > n / 4 && n_apart < n, "{n_apart} of {n}");
+}
+
+/// Parts of any split join to the bits of the whole, wherever they are summed.
 fn parts_join() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
     let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Hybrid, 100) };
     let whole = on_device(&gpu, &scene, &bvh, &camera, &device);
-    let joined = |at: u32| {
-        let parts = [[0, at], [at, 100]].map(|range| {
-            let film = on_device(&gpu, &scene, &bvh, &camera, &Settings { part: Some(range), ..device });
+    let joined = |at: u32, sums: [SampleSums; 2]| {
+        let of = |(range, sums): ([u32; 2], SampleSums)| {
+            let film = on_device(&gpu, &scene, &bvh, &camera, &Settings { part: Some(range), sums, ..device });
             (film.part().unwrap().clone(), film.n_rays())
-        });
+        };
+        let parts = [of(([0, at], sums[0])), of(([at, 100], sums[1]))];
         let n_rays = parts.iter().map(|(_, n)| n).sum();
         let part = Part::join(parts.map(|(part, _)| part).to_vec()).unwrap();
         Film::of_part(device.width, device.height, part, n_rays).without_part()
     };
-    assert!(joined(64) == whole);
-    let other = joined(37);
-    check(&other, &whole, "parts of 37 and 63 samples");
-    assert!(other != whole);
+    for at in [64, 37] {
+        assert!(joined(at, [SampleSums::Device; 2]) == whole, "at {at}");
+        assert!(joined(at, [SampleSums::Device, SampleSums::Host]) == whole, "at {at}");
+    }
 }
 
 fn noise_and_channels_are_those_of_the_host() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
+    // The last samples of a noisy pixel, 64 to 99, are two blocks.
     let host =
-        Settings { noise: Some(0.05), aovs: Aov::ALL.into_iter().collect(), ..settings(Integrator::Hybrid, 128) };
+        Settings { noise: Some(0.05), aovs: Aov::ALL.into_iter().collect(), ..settings(Integrator::Hybrid, 100) };
     let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
     let ours = on_device(&gpu, &scene, &bvh, &camera, &Settings { sums: SampleSums::Device, ..host });
-    check(&ours, &theirs, "noise");
-    assert!(counts(&theirs).iter().any(|[n, ..]| *n == 128) && counts(&theirs).iter().any(|[n, ..]| *n < 128));
-    assert!(ours.guides() == theirs.guides());
+    assert!(counts(&theirs).iter().any(|[n, ..]| *n == 100) && counts(&theirs).iter().any(|[n, ..]| *n < 100));
+    assert!(ours == theirs);
 }
 
 /// A film with sums of the device over BVHs that `make` changes.
@@ -169,14 +150,15 @@ pub(super) fn summed(
     monitored(|monitor| picture.render(vec![], monitor)).unwrap()
 }
 
-/// The CPU takes the samples that the device does not finish, and those too large for squares in `f32`.
+/// The CPU takes the samples that the device does not finish.
 fn the_cpu_takes_unfinished_samples() {
     let gpu = gpu();
-    let (mut scene, camera) = scenes::room();
+    let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
     let device = Settings {
         sums: SampleSums::Device,
         aovs: [Aov::Depth].into_iter().collect(),
+        filter: Filter::MITCHELL,
         ..settings(Integrator::Path, 6)
     };
     let theirs = on_cpu(&scene, &bvh, &camera, &device);
@@ -188,21 +170,102 @@ fn the_cpu_takes_unfinished_samples() {
     let few =
         |settings: &Settings| summed(&gpu, (&scene, &camera), &bvh, settings, |traced| traced.with_max_iterations(30));
     let (ours, some) = (few(&device), few(&host));
-    check(&ours, &some, "some samples");
-    assert!(ours.guides() == some.guides());
+    assert!(ours == some);
     assert!(some != theirs && some != on_device(&gpu, &scene, &bvh, &camera, &host));
-    // Brighter than 2^56. The others are summed on the device.
-    scene.environment = Some(Environment::Constant([1e20; 3]));
-    scene.lights.clear();
-    let bright = settings(Integrator::Hybrid, 6);
-    let ours = on_device(&gpu, &scene, &bvh, &camera, &Settings { sums: SampleSums::Device, ..bright });
-    let theirs = on_cpu(&scene, &bvh, &camera, &bright);
-    assert_eq!(counts(&ours), counts(&theirs));
-    let n_equal = ours.pixels().iter().zip(theirs.pixels()).filter(|(a, b)| a == b && a.sum[0] > 1e18).count();
-    assert!(2 * n_equal > theirs.pixels().len(), "{n_equal} of {}", theirs.pixels().len());
-    // Where rounding sends a path elsewhere, a dark sample of the device may be a bright one of the CPU, but not the other way round.
-    let found = difference(&ours, &theirs);
-    assert!(found.astray < 0.2 && found.of_means < 0.005, "{found:?}");
+}
+
+/// The kernels alone: bits of sums of any numbers, of dispatches of any size.
+fn sums_of_any_numbers_have_the_bits_of_the_host() {
+    let gpu = gpu();
+    let variant = Variant::none().with(choice::Pattern::Random).with(choice::Filter::Box);
+    let variant = variant.with(choice::View::Perspective).with(choice::Lens::Pinhole);
+    let kernels = [wgsl::render::sum::BLOCKS, wgsl::render::sum::PIXELS]
+        .map(|name| gpu.kernel(name, &variant.of_kernel(name).unwrap()).unwrap());
+    // Two cells of pixels, all of them in the picture.
+    let mut picture = [0_u32; 36];
+    (picture[16], picture[17]) = (16, 8);
+    let picture = gpu.uniform("picture", &picture).unwrap();
+    let cells = gpu.buffer("cells", &[0_u32, 1]).unwrap();
+    let n_places = 128;
+    for n in [1, 2, 3, 63, 64, 65, 127, 128, 192, 200, 389] {
+        let number = |k: u32| {
+            let bits = scattered(k, n);
+            match k % 7 {
+                // Of similar size, so that sums round.
+                0..4 => f32::from_bits((bits & 0x83ff_ffff) | 0x3c00_0000),
+                4 => f32::from_bits(bits),
+                // Below the normal ones.
+                5 => f32::from_bits(bits & 0x807f_ffff),
+                _ => [0.0, -0.0, f32::INFINITY, f32::NAN, f32::MAX, -f32::MAX, f32::MIN_POSITIVE][bits as usize % 7],
+            }
+        };
+        let sample = |group: u32, pixel: u32| {
+            let first = 3 * (64 * group + pixel);
+            [number(first), number(first + 1), number(first + 2), f32::from(group as u8)]
+        };
+        // What the host sums, and what it would of numbers that differ in a bit.
+        let sums_of = |flipped: u32| -> Vec<Pixel> {
+            let sum = |place: u32| {
+                let mut sum = Dyadic::default();
+                for k in 0..n {
+                    let [red, green, blue, _] = sample(place / 64 * n + k, place % 64);
+                    let of = Pixel::of([f32::from_bits(red.to_bits() ^ flipped), green, blue]);
+                    sum.push_sample(k, of);
+                }
+                sum.total()
+            };
+            (0..n_places).map(sum).collect()
+        };
+        let bits = |pixel: &Pixel| {
+            let all = pixel.sum.into_iter().chain(pixel.sum_of_squares).map(f64::to_bits);
+            (all.collect::<Vec<_>>(), [pixel.n_samples, pixel.n_negative, pixel.n_dropped])
+        };
+        let theirs: Vec<_> = sums_of(0).iter().map(bits).collect();
+        for step in [1, 50, 64, 150, 2 * n] {
+            let samples = gpu.zeroed::<[f32; 4]>("samples", 64 * step as usize).unwrap();
+            let n_unfinished = gpu.zeroed::<u32>("n_unfinished", 1).unwrap();
+            let blocks = gpu.zeroed::<[u64; 8]>("blocks", step as usize).unwrap();
+            let waiting = gpu.zeroed::<[u64; 8]>("waiting", 9 * n_places as usize).unwrap();
+            let sums = gpu.zeroed::<[u64; 8]>("sums", n_places as usize).unwrap();
+            for first in (0..2 * n).step_by(step as usize) {
+                let end = (first + step).min(2 * n);
+                let taken: Vec<_> = (first..end).flat_map(|group| (0..64).map(move |pixel| (group, pixel))).collect();
+                gpu.write(&samples, &taken.iter().map(|&(group, pixel)| sample(group, pixel)).collect::<Vec<_>>());
+                // The first work-group of a dispatch counts from its first cell.
+                let cell = first / n;
+                let slice = [first - cell * n, end - cell * n, 0, n, cell];
+                let slice = gpu.uniform("slice", &slice).unwrap();
+                let window = gpu.buffer("cells", &[cell, 1]).unwrap();
+                let bound: [NamedBinding<'_>; 8] = [
+                    ("picture", &picture),
+                    ("slice", &slice),
+                    ("cells", if cell == 0 { &cells } else { &window }),
+                    ("samples", &samples),
+                    ("n_unfinished", &n_unfinished),
+                    ("blocks", &blocks),
+                    ("waiting", &waiting),
+                    ("sums", &sums),
+                ];
+                let mut commands = gpu.commands();
+                let of_cells = (end - cell * n).div_ceil(n);
+                for (kernel, groups) in kernels.iter().zip([end - first, of_cells]) {
+                    commands.dispatch(kernel, &bound, kernel.groups(64 * groups)).unwrap();
+                }
+                block_on(commands.run()).unwrap();
+            }
+            let found = block_on(gpu.read(&sums)).unwrap();
+            let ours = found.iter().map(|words| {
+                let dropped = (words[6] >> 32) as u32;
+                (words[..6].to_vec(), [n - dropped, words[6] as u32, dropped])
+            });
+            let ours: Vec<_> = ours.collect();
+            assert!(ours == theirs, "{n} samples in dispatches of {step}");
+            let n_rays = (0..n).map(|k| u64::from(k as u8)).sum::<u64>();
+            assert_eq!(found[5][7], n_rays, "{n} samples");
+            let apart = sums_of(1).iter().map(bits).zip(&ours).filter(|(theirs, ours)| theirs != *ours).count();
+            assert!(2 * apart > n_places as usize, "{apart} of {n_places}");
+        }
+    }
 }
 
 #[repr(C)]

@@ -215,6 +215,7 @@ pub(crate) fn adapters() -> Vec<Value> {
             "name": info.name, "kind": info.kind.to_string(), "backend": info.backend, "driver": info.driver,
             "is_software": info.kind == AdapterKind::Software, "max_binding_bytes": info.max_binding_bytes,
             "max_buffer_bytes": info.max_buffer_bytes, "has_timestamps": info.has_timestamps,
+            "has_ray_queries": info.has_ray_queries,
         })
     });
     adapters.collect()

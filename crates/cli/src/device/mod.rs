@@ -147,8 +147,9 @@ fn text(adapters: &[Value], n_threads: usize) -> String {
     for adapter in adapters {
         let [name, kind, backend, driver] = ["name", "kind", "backend", "driver"].map(|key| word(adapter, key));
         let mebibytes = adapter["max_binding_bytes"].as_u64().unwrap_or(0) >> 20;
+        let queries = if adapter["has_ray_queries"] == true { ", ray queries" } else { "" };
         lines.push(format!(
-            "gpu            {name} ({kind}, {backend}, {driver}), buffer bindings up to {mebibytes} MiB"
+            "gpu            {name} ({kind}, {backend}, {driver}), buffer bindings up to {mebibytes} MiB{queries}"
         ));
     }
     let reason = match auto(adapters) {
@@ -195,5 +196,7 @@ mod tests {
         assert_eq!(auto(&both), Some("Big GPU"));
         assert!(text(&both, 4).ends_with("--device auto selects Big GPU"));
         assert_eq!(auto(&[]), None);
+        let with = |has: bool| text(&[json!({ "name": "Big GPU", "has_ray_queries": has })], 4);
+        assert!(with(true).contains(" MiB, ray queries\n") && !with(false).contains("ray queries"));
     }
 }

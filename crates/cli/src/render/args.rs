@@ -60,14 +60,11 @@ pub(crate) struct RenderArgs {
     sequence: FrameArgs,
     #[command(flatten)]
     samples: SampleArgs,
-    /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads sums of up to 64 samples of a pixel, `auto` is
-    /// `device` on a hardware GPU from eight samples on, else `host`. Pictures differ by roundings only.
+    /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads one sum for each pixel, `auto` is
+    /// `device` on a hardware GPU from five samples on, else `host`. Pictures have the same bits.
     #[arg(long, help_heading = RENDERING, display_order = 79, default_value = "auto", value_parser = sums(), value_name = "auto|host|device")]
     sums: Sums,
 }
-
-/// Samples from which sums of a device are fewer bytes than samples.
-const WORTH_SUMMING: u32 = 8;
 
 /// Where samples are summed; none for the better of both.
 #[derive(Clone, Copy, Debug)]
@@ -304,10 +301,9 @@ impl Job {
     /// The job with samples summed where that is faster, unless the options say where.
     pub(super) fn on(&self, machine: &Machine) -> Self {
         let mut job = self.clone();
-        // Parts of a picture merge where all are summed alike, whatever renders them.
         let settings = &mut job.plan.settings;
-        if self.chooses_sums && machine.has_bus() && settings.samples >= WORTH_SUMMING && settings.part.is_none() {
-            settings.sums = SampleSums::Device;
+        if self.chooses_sums && machine.has_bus() {
+            settings.sums = SampleSums::of_fewer_bytes(settings);
         }
         job
     }

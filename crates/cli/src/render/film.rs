@@ -428,8 +428,7 @@ impl CheckpointWriter {
 pub(crate) fn difference(a: &Record, b: &Record) -> Option<(String, String, String)> {
     let value = |record: &Record, name: &str| {
         let found = record.iter().find(|(known, _)| known == name).map(|(_, value)| value.clone());
-        // Only sums on a device are recorded.
-        found.unwrap_or_else(|| if name == "sums" { "host" } else { "missing" }.to_owned())
+        found.unwrap_or_else(|| "missing".to_owned())
     };
     let names = a.iter().chain(b).map(|(name, _)| name);
     names.map(|name| (name.clone(), value(a, name), value(b, name))).find(|(_, a, b)| a != b)

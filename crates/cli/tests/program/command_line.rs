@@ -629,5 +629,8 @@ fn lists_the_cpu_and_describes_every_adapter() {
         assert_eq!(adapter["is_software"].as_bool().unwrap(), adapter["kind"] == "software");
     }
     let text = folder.run("devices").done().stdout;
+    let n_with =
+        json["adapters"].as_array().unwrap().iter().filter(|adapter| adapter["has_ray_queries"].as_bool().unwrap());
+    assert_eq!(text.matches(", ray queries").count(), n_with.count(), "{text}");
     assert!(text.starts_with("cpu ") && text.contains("--device auto selects "), "{text}");
 }

@@ -309,9 +309,6 @@ fn stats_report_build_times() {
 
 const SUMS: &str = "render small.obj --size 45x30 --env 0.5,0.7,1 --sun 0,-1,-1,2,2,2";
 
-/// Relative mean squared error of sums that differ by six roundings of 2^-24, and of the picture's `f32`.
-const ROUNDING: f64 = 1e-12;
-
 #[test]
 fn the_device_sums_samples_for_every_kind_of_picture() {
     let Some(name) = adapter("the_device_sums_samples_for_every_kind_of_picture") else { return };
@@ -319,6 +316,7 @@ fn the_device_sums_samples_for_every_kind_of_picture() {
     let folder = Folder::with_small();
     for options in [
         "--spp 64 --device gpu",
+        "--spp 100 --device gpu",
         "--spp 64 --noise 0.05 --device gpu",
         "--spp 7 --sampler sobol --filter mitchell --integrator path --device gpu",
         "--samples 3..70 --aovs depth,normal --device gpu",
@@ -327,40 +325,39 @@ fn the_device_sums_samples_for_every_kind_of_picture() {
     ] {
         let [host, device] = ["host", "device"]
             .map(|sums| folder.run(&format!("{SUMS} {options} --sums {sums} -o {sums}.exr --json")).done().json());
-        let found = folder.run("compare host.exr device.exr --json").done().json();
-        // CPU and device share the tiles in another way, and round samples in another way.
-        let bound = if options.contains("both") { 1e-5 } else { ROUNDING };
-        assert!(found["relmse"].as_f64().unwrap() < bound, "{options}: {found}");
+        if options.contains("both") {
+            // CPU and device share the tiles in another way.
+            let found = folder.run("compare host.exr device.exr --json").done().json();
+            assert!(found["relmse"].as_f64().unwrap() < 1e-5, "{options}: {found}");
+        } else {
+            assert!(folder.bytes("host.exr") == folder.bytes("device.exr"), "{options}");
+        }
         assert_eq!(host["dropped_samples"], device["dropped_samples"]);
         let bytes = [&host, &device].map(|run| run["gpu_downloaded_bytes"].as_u64().unwrap());
-        if options == "--spp 64 --device gpu" {
-            // Sixteen bytes for each sample of each cell of 8 x 8 pixels, or forty for each pixel.
+        if ["--spp 64 --device gpu", "--spp 100 --device gpu"].contains(&options) {
+            // Sixteen bytes for each sample of each cell of 8 x 8 pixels, or 64 for each pixel.
             let n_pixels = 48 * 32;
             assert!(bytes[0] >= 16 * 64 * n_pixels, "{host}");
-            assert!(bytes[1] >= 40 * n_pixels && bytes[1] < 40 * n_pixels + 1000, "{device}");
+            assert!(bytes[1] >= 64 * n_pixels && bytes[1] < 64 * n_pixels + 20_000, "{device}");
             // Another seed is another picture.
             folder.run(&format!("{SUMS} {options} --seed 1 --sums device -o other.exr")).done();
-            let other = folder.run("compare host.exr other.exr --json").done().json();
-            assert!(other["relmse"].as_f64().unwrap() > 1e6 * ROUNDING, "{other}");
+            assert!(folder.bytes("host.exr") != folder.bytes("other.exr"));
         }
     }
 }
 
 #[test]
-fn parts_and_checkpoints_of_other_sums_are_refused() {
-    let Some(_) = adapter("parts_and_checkpoints_of_other_sums_are_refused") else { return };
+fn parts_merge_wherever_they_are_summed() {
+    let Some(_) = adapter("parts_merge_wherever_they_are_summed") else { return };
     let folder = Folder::with_small();
     let part = |range: &str, sums: &str, file: &str| {
         folder.run(&format!("{SUMS} --samples {range} --device gpu --sums {sums} -o {file}")).done();
     };
     part("0..68", "device", "all.exr");
-    part("0..64", "device", "start.exr");
-    part("64..68", "device", "end.exr");
+    part("0..37", "device", "start.exr");
+    part("37..68", "host", "end.exr");
     folder.run("merge start.exr end.exr -o merged.exr").done();
     assert!(folder.bytes("merged.exr") == folder.bytes("all.exr"));
-    part("64..68", "host", "other.exr");
-    folder.run("merge start.exr other.exr -o mixed.exr").refused(&["sums", "device"]);
-    assert!(!folder.names().iter().any(|name| name == "mixed.exr"));
 }
 
 #[test]

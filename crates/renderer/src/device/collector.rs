@@ -1,17 +1,17 @@
 //! Takes samples on a GPU, about 100 ms at a time, and collects them into tiles.
 
-use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use canted_film::{Block, CELL, Components, Dyadic, Guide, Sums, Tile, Tiling};
+use bytemuck::Pod;
+use canted_film::{CELL, Components, Guide, Pixel, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
 use super::picture::{CELL_PIXELS, Pace, Slice};
 use super::records::{
-    PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun, Taken,
-    n_records,
+    PackedComponents, PackedFirstLight, PackedGuide, PackedSample, ReadyKernels, RenderKernels, Took,
 };
+use super::sums::{PackedSum, SampleRun, packed, runs};
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
 
@@ -21,27 +21,28 @@ const TARGET: Duration = Duration::from_millis(100);
 /// Work-groups of the first dispatch, before the speed of the device is known.
 const FIRST: u32 = 64;
 
-/// Maximum work-groups of a dispatch: 32 MiB of samples, if each is kept.
+/// Maximum work-groups of a dispatch: 32 MiB of samples.
 const MAX: u32 = 1 << 15;
 
-/// What kernels found of the 64 pixels of a cell.
-pub(super) struct Found<'a, R> {
-    /// The samples of a block of each pixel.
-    records: &'a [R],
-    /// AOVs of each sample, pixel by pixel; empty where none is requested.
+/// What kernels found of one sample of each of the 64 pixels of a cell.
+#[derive(Default)]
+pub(super) struct Found<'a> {
+    /// Empty where the device sums samples, unless the CPU must take some. What it writes is summed.
+    samples: &'a mut [PackedSample],
+    /// AOVs; empty where none is requested.
     guides: &'a [PackedGuide],
-    /// The light of each sample in its parts, likewise.
+    /// The light in its parts, likewise.
     components: &'a [PackedComponents],
-    /// What the first surface reflects in each sample, likewise.
+    /// What the first surface reflects, likewise.
     first_light: &'a [PackedFirstLight],
 }
 
-/// Takes samples of cells on a GPU, and returns records of them.
-pub(super) struct SampleDispatcher<'a, R> {
+/// Takes samples of cells on a GPU.
+pub(super) struct SampleDispatcher<'a> {
     gpu: &'a Gpu,
     kernels: ReadyKernels,
     slice: Buffer<Slice>,
-    records: Buffer<R>,
+    samples: Buffer<PackedSample>,
     /// AOVs of each sample, where they are requested.
     guides: Option<Buffer<PackedGuide>>,
     /// The light of each sample in its parts, where they are requested.
@@ -55,20 +56,20 @@ pub(super) struct SampleDispatcher<'a, R> {
     pub(super) n_exact_rays: u64,
 }
 
-impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
-    /// For `n_groups` work-groups in all, in as many dispatches as it takes.
+impl<'a> SampleDispatcher<'a> {
+    /// For `n_groups` work-groups in all, which take `n_samples` of each pixel, in as many dispatches as it takes.
     pub(super) fn new(
         gpu: &'a Gpu,
         traced: &TracedScene,
         (kernels, pace): (RenderKernels, &Arc<Pace>),
-        n_groups: u32,
+        (n_groups, n_samples): (u32, u32),
     ) -> Result<Self, GpuError> {
-        let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, block: 1 };
+        let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, first_cell: 0 };
         let slice = gpu.uniform("slice", &slice)?;
-        let kernels = ReadyKernels::new(gpu, traced, (kernels, pace), MAX.min(n_groups.max(1)))?;
+        let kernels = ReadyKernels::new(gpu, traced, (kernels, pace), (MAX.min(n_groups.max(1)), n_samples))?;
         let n = kernels.max_groups;
-        let records = gpu.work_buffer(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
         let n_samples = n as usize * CELL_PIXELS;
+        let samples = gpu.work_buffer("samples", n_samples)?;
         let guides = kernels.has_guides().then(|| gpu.work_buffer("guides", n_samples)).transpose()?;
         let components = kernels.has_components.then(|| gpu.work_buffer("components", n_samples)).transpose()?;
         let first_light = kernels.has_first_light.then(|| gpu.work_buffer("first_light", n_samples)).transpose()?;
@@ -76,12 +77,12 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
             gpu,
             kernels,
             slice,
-            records,
+            samples,
             guides,
             components,
             first_light,
-            // Other samples may cost more than those before, and a first dispatch, which includes compilation, is no reason for fewer.
-            n_groups: (pace.n_groups() / 4).max(FIRST).min(n),
+            // A first dispatch, which includes compilation, is no reason for fewer.
+            n_groups: pace.n_groups().max(FIRST).min(n),
             pace: pace.clone(),
             n_exact_rays: 0,
         })
@@ -92,132 +93,125 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         self.n_groups.div_ceil(n_samples.max(1)) as usize
     }
 
+    /// Most cells of a call of [`Self::take`].
+    fn max_cells(&self) -> usize {
+        self.kernels.sums.as_ref().map_or(usize::MAX, |sums| sums.n_cells())
+    }
+
     /// Takes the samples of a run of each cell.
     ///
-    /// `each` receives what was found of 64 pixels at a time, for one block of samples; cell by cell in the order of blocks. It stops the
-    /// work by returning false.
+    /// `each` receives the number of a cell, of a sample, and what was found of it, cell by cell in the order of samples. Returns the sums of all
+    /// pixels, if the device makes them; nothing once `stop`, which is called between dispatches, returns true.
     ///
     /// # Errors
     /// Errors of the device.
     pub(super) fn take(
         &mut self,
         cells: &[u32],
-        run: SampleRun,
+        run: &SampleRun,
         bindings: &[NamedBinding<'_>],
-        mut each: impl FnMut(Found<'_, R>) -> bool,
-    ) -> Result<(), GpuError> {
-        let SampleRun { first: first_sample, n: n_samples, block } = run;
+        stop: &dyn Fn() -> bool,
+        mut each: impl FnMut(usize, u32, Found<'_>),
+    ) -> Result<Vec<PackedSum>, GpuError> {
+        let n_samples = run.end - run.start;
         let all = cells.len() as u64 * u64::from(n_samples);
         let mut done = 0;
-        // A dispatch may end between the pixels of a cell.
-        let mut found = Downloads::default();
-        while done < all {
+        let mut sums = vec![];
+        while done < all && !stop() {
             // In windows of whole cells, so that work-groups are counted in 32 bits.
-            let (cell, start_group) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
-            let n = u64::from(self.n_groups).min(self.max_groups(block)).min(all - done);
-            let end_group = start_group + n as u32;
+            let (cell, first_group) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
+            let n = u64::from(self.n_groups.min(self.kernels.max_groups)).min(all - done);
+            let end_group = first_group + n as u32;
             let window = &cells[cell..(cell + end_group.div_ceil(n_samples) as usize)];
-            let slice = Slice { first_group: start_group, end_group, first_sample, n_samples, block };
-            self.dispatch(window, slice, bindings, &mut found)?;
+            let first_cell = cell as u32;
+            let slice = Slice { first_group, end_group, first_sample: run.start, n_samples, first_cell };
             done += n;
-            let n_samples = CELL_PIXELS * block as usize;
-            if !found.whole(n_samples).all(&mut each) {
-                return Ok(());
-            }
-            found.remove_whole(n_samples);
+            let n_sums = if done == all { cells.len() * CELL_PIXELS } else { 0 };
+            sums = self.dispatch((window, slice), n_sums, bindings, |group, found| {
+                let number = first_group + group;
+                each(cell + (number / n_samples) as usize, run.start + number % n_samples, found);
+            })?;
         }
-        Ok(())
+        Ok(sums)
     }
 
-    /// Work-groups whose records fit in memory.
-    fn max_groups(&self, block: u32) -> u64 {
-        (self.records.len() as u64 * u64::from(block) / CELL_PIXELS as u64).min(self.kernels.max_groups.into())
-    }
-
-    /// Appends what a dispatch found.
+    /// Takes the samples of a dispatch, and returns so many sums.
     fn dispatch(
         &mut self,
-        cells: &[u32],
-        slice: Slice,
+        (cells, slice): (&[u32], Slice),
+        n_sums: usize,
         bindings: &[NamedBinding<'_>],
-        found: &mut Downloads<R>,
-    ) -> Result<(), GpuError> {
+        each: impl FnMut(u32, Found<'_>),
+    ) -> Result<Vec<PackedSum>, GpuError> {
         let start = Instant::now();
         let n = slice.end_group - slice.first_group;
+        let size = [n, cells.len() as u32];
         let cells = self.gpu.buffer("cells", cells)?;
         self.gpu.write(&self.slice, &[slice]);
-        let own: [NamedBinding<'_>; 3] = [("slice", &self.slice), ("cells", &cells), (R::BINDING, &self.records)];
+        let own: [NamedBinding<'_>; 3] = [("slice", &self.slice), ("cells", &cells), ("samples", &self.samples)];
         let guides = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
         let components = self.components.as_ref().map(|parts| -> NamedBinding<'_> { ("components", parts) });
         let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
         let kept = guides.into_iter().chain(components).chain(first_light);
         let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
-        self.kernels.run(self.gpu, &bindings, n)?;
+        self.kernels.run(self.gpu, &bindings, size)?;
         let mut time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
-        let n_records = n_samples / slice.block as usize;
-        loop {
-            let (records, beside) = block_on(self.gpu.read_beside(&self.records, n_records, &self.kernels.beside()))?;
-            let (n_exact, is_done) = self.kernels.took(&beside);
-            self.n_exact_rays += n_exact;
+        let (mut samples, mut sums, has_unfinished) = loop {
+            let (samples, sums, took) = self.kernels.read(self.gpu, &self.samples, [n_samples, n_sums])?;
+            let Took { n_exact_rays, is_done, has_unfinished } = took;
+            self.n_exact_rays += n_exact_rays;
             if is_done {
-                found.records.extend(records);
-                break;
+                break (samples, sums, has_unfinished);
             }
             let start = Instant::now();
-            self.kernels.run_rest(self.gpu, &bindings, n)?;
+            self.kernels.run_rest(self.gpu, &bindings, size)?;
             time += start.elapsed();
+        };
+        if has_unfinished {
+            samples = block_on(self.gpu.read_first(&self.samples, n_samples))?;
         }
-        if let Some(guides) = &self.guides {
-            found.guides.extend(block_on(self.gpu.read_first(guides, n_samples))?);
-        }
-        if let Some(components) = &self.components {
-            found.components.extend(block_on(self.gpu.read_first(components, n_samples))?);
-        }
-        if let Some(first_light) = &self.first_light {
-            found.first_light.extend(block_on(self.gpu.read_first(first_light, n_samples))?);
+        let guides = self.read(&self.guides, n_samples)?;
+        let components = self.read(&self.components, n_samples)?;
+        let first_light = self.read(&self.first_light, n_samples)?;
+        for_each_group(n, (&mut samples, &guides, &components, &first_light), each);
+        if has_unfinished && let Some(on_device) = &self.kernels.sums {
+            // Now the CPU has taken those samples.
+            self.gpu.write(&self.samples, &samples);
+            self.kernels.finish(self.gpu.commands(), &bindings, size)?;
+            sums = block_on(self.gpu.read_first(&on_device.sums, n_sums))?;
         }
         self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
         self.pace.set_groups(self.n_groups);
-        Ok(())
+        Ok(sums)
+    }
+
+    /// The first values of a buffer, if it is there.
+    fn read<T: Pod>(&self, buffer: &Option<Buffer<T>>, n: usize) -> Result<Vec<T>, GpuError> {
+        buffer.as_ref().map_or(Ok(vec![]), |buffer| block_on(self.gpu.read_first(buffer, n)))
     }
 }
 
-/// What dispatches found that is not yet summed.
-struct Downloads<R> {
-    records: Vec<R>,
-    guides: Vec<PackedGuide>,
-    components: Vec<PackedComponents>,
-    first_light: Vec<PackedFirstLight>,
-}
+/// What was found of the samples of a dispatch: empty where it is not needed.
+type All<'a> = (&'a mut [PackedSample], &'a [PackedGuide], &'a [PackedComponents], &'a [PackedFirstLight]);
 
-impl<R> Default for Downloads<R> {
-    fn default() -> Self {
-        Self { records: Vec::new(), guides: Vec::new(), components: Vec::new(), first_light: Vec::new() }
-    }
-}
-
-impl<R> Downloads<R> {
-    /// What was found of cells whose pixels have all their samples of a block, `n_samples` of a cell.
-    fn whole(&self, n_samples: usize) -> impl Iterator<Item = Found<'_, R>> {
-        let mut guides = self.guides.chunks_exact(n_samples);
-        let mut components = self.components.chunks_exact(n_samples);
-        let mut first_light = self.first_light.chunks_exact(n_samples);
-        self.records.chunks_exact(CELL_PIXELS).map(move |records| Found {
-            records,
-            guides: guides.next().unwrap_or_default(),
-            components: components.next().unwrap_or_default(),
-            first_light: first_light.next().unwrap_or_default(),
-        })
-    }
-
-    /// Removes these cells.
-    fn remove_whole(&mut self, n_samples: usize) {
-        let n_whole = self.records.len() / CELL_PIXELS;
-        self.records.drain(..n_whole * CELL_PIXELS);
-        self.guides.drain(..self.guides.len().min(n_whole * n_samples));
-        self.components.drain(..self.components.len().min(n_whole * n_samples));
-        self.first_light.drain(..self.first_light.len().min(n_whole * n_samples));
+/// Calls `each` for each of `n` work-groups, if anything of them is here.
+fn for_each_group(n: u32, (samples, guides, components, first_light): All<'_>, mut each: impl FnMut(u32, Found<'_>)) {
+    let is_here = !(samples.is_empty() && guides.is_empty() && components.is_empty() && first_light.is_empty());
+    let mut samples = samples.chunks_exact_mut(CELL_PIXELS);
+    let mut guides = guides.chunks_exact(CELL_PIXELS);
+    let mut components = components.chunks_exact(CELL_PIXELS);
+    let mut first_light = first_light.chunks_exact(CELL_PIXELS);
+    for group in (0..n).filter(|_| is_here) {
+        each(
+            group,
+            Found {
+                samples: samples.next().unwrap_or_default(),
+                guides: guides.next().unwrap_or_default(),
+                components: components.next().unwrap_or_default(),
+                first_light: first_light.next().unwrap_or_default(),
+            },
+        );
     }
 }
 
@@ -244,8 +238,8 @@ struct Cell {
 }
 
 /// Renders tiles on a GPU.
-pub(super) struct SampleCollector<'a, R> {
-    pub(super) dispatcher: SampleDispatcher<'a, R>,
+pub(super) struct SampleCollector<'a> {
+    pub(super) dispatcher: SampleDispatcher<'a>,
     /// Bindings of picture and scene.
     pub(super) bindings: Vec<NamedBinding<'a>>,
     pub(super) settings: &'a Settings,
@@ -255,7 +249,7 @@ pub(super) struct SampleCollector<'a, R> {
     pub(super) tiles: &'a dyn RenderTiles,
 }
 
-impl<R: SampleRecord> SampleCollector<'_, R> {
+impl SampleCollector<'_> {
     /// Renders tiles together: all cells take the same samples in the same dispatches until they are done. `None` once `stop`,
     /// which is called between dispatches, returns true.
     pub(super) fn tiles(
@@ -270,8 +264,8 @@ impl<R: SampleRecord> SampleCollector<'_, R> {
             .flat_map(|(tile, &number)| Cell::all(tile, number, tiling, self.settings))
             .collect();
         let mut tiles: Vec<Tile> = numbers.iter().map(|&number| tiling.tile(number)).collect();
-        while let Some(Range { start, end }) = waiting.first().map(|cell| cell.adaptive.next.clone()) {
-            self.take(&mut waiting, [start, end], stop)?;
+        while let Some(samples) = waiting.first().map(|cell| cell.adaptive.next.clone()) {
+            self.take(&mut waiting, &samples, stop)?;
             if stop() {
                 return Ok(None);
             }
@@ -288,23 +282,24 @@ impl<R: SampleRecord> SampleCollector<'_, R> {
         Ok(Some(tiles))
     }
 
-    /// Takes the same samples, from a first one up to an end, of all cells.
-    fn take(&mut self, cells: &mut [Cell], samples: [u32; 2], stop: &dyn Fn() -> bool) -> Result<(), GpuError> {
-        let positions: Vec<u32> = cells.iter().map(|Cell { position: [x, y], .. }| x | y << 16).collect();
-        let Self { weight, tiles, .. } = *self;
-        for run in SampleRun::all(samples, R::MAX_BLOCK) {
-            let end = run.first + run.n;
-            let (mut cell, mut block) = (0, Block { first: run.first, len: run.block });
-            self.dispatcher.take(&positions, run, &self.bindings, |found| {
-                cells[cell].add(&found, block, weight, tiles);
-                block.first += block.len;
-                if block.first == end {
-                    (cell, block.first) = (cell + 1, run.first);
+    /// Takes the same samples of all cells.
+    fn take(&mut self, cells: &mut [Cell], samples: &SampleRun, stop: &dyn Fn() -> bool) -> Result<(), GpuError> {
+        let Self { weight, tiles, settings, .. } = *self;
+        let is_summed = self.dispatcher.kernels.sums.is_some();
+        // The sum of a first run has the bits of the film's. A part keeps the sum of each block.
+        let is_one = !is_summed || (settings.part.is_none() && samples.start == 0);
+        for run in runs(samples.clone(), is_one) {
+            for cells in cells.chunks_mut(self.dispatcher.max_cells()) {
+                let positions: Vec<u32> = cells.iter().map(|Cell { position: [x, y], .. }| x | y << 16).collect();
+                let sums = self.dispatcher.take(&positions, &run, &self.bindings, stop, |cell, sample, found| {
+                    cells[cell].add(found, sample, is_summed, (weight, tiles));
+                })?;
+                if stop() {
+                    return Ok(());
                 }
-                !stop()
-            })?;
-            if stop() {
-                break;
+                for (cell, sums) in cells.iter_mut().zip(sums.chunks_exact(CELL_PIXELS)) {
+                    cell.add_sums(sums, &run);
+                }
             }
         }
         Ok(())
@@ -338,54 +333,56 @@ impl Cell {
         })
     }
 
-    /// Adds a block of samples of each pixel.
-    fn add<R: SampleRecord>(
+    /// The index of each pixel among the 64 of the cell, and its position in the picture.
+    fn places(&self) -> impl Iterator<Item = (usize, [u32; 2])> + use<> {
+        let (corner, [left, top]) = (self.pixels[0], self.position.map(|at| at * CELL));
+        let places: Vec<_> = self.pixels.iter().map(|[x, y]| [x - corner[0], y - corner[1]]).collect();
+        places.into_iter().map(move |[x, y]| ((y * CELL + x) as usize, [left + x, top + y]))
+    }
+
+    /// Adds a sample of each pixel: its AOVs, and its light unless the device sums that. The CPU takes what the device did not finish.
+    fn add(
         &mut self,
-        found: &Found<'_, R>,
-        block: Block,
-        weight: &dyn Fn([u32; 2], u32) -> f32,
-        tiles: &dyn RenderTiles,
+        found: Found<'_>,
+        sample: u32,
+        is_summed: bool,
+        (weight, tiles): (&dyn Fn([u32; 2], u32) -> f32, &dyn RenderTiles),
     ) {
-        let corner = self.pixels[0];
-        for (&[x, y], sums) in self.pixels.iter().zip(&mut self.sums) {
-            let [column, row] = [x - corner[0], y - corner[1]];
-            let index = (row * CELL + column) as usize;
-            let pixel = [self.position[0] * CELL + column, self.position[1] * CELL + row];
-            let Taken { pixel: mut of_block, n_rays, unfinished } =
-                found.records[index].taken(block, |sample| weight(pixel, sample));
-            self.n_rays += n_rays;
-            let n = block.len as usize;
-            let guides = found.guides.chunks_exact(n).nth(index).unwrap_or_default();
-            let components = found.components.chunks_exact(n).nth(index).unwrap_or_default();
-            let first_light = found.first_light.chunks_exact(n).nth(index).unwrap_or_default();
-            let mut by_cpu = Dyadic::default();
-            for (k, sample) in (0..block.len).map(|k| (k as usize, block.first + k)) {
-                let is_unfinished = unfinished >> k & 1 == 1;
-                let guide = guides.get(k);
-                let is_known = !is_unfinished && guide.is_none_or(PackedGuide::is_complete);
-                let mut one = Sums::default();
-                if !is_known {
-                    self.n_rays += tiles.sample(pixel, sample, &mut one);
-                }
-                if is_unfinished {
-                    by_cpu.push_sample(sample, one.pixel.total());
-                }
-                if let Some(guide) = guide {
-                    let guide = if is_known { tiles.kept(guide.into()) } else { one.guide.total() };
-                    sums.guide.push_sample(sample, guide);
-                }
-                if let Some(&components) = components.get(k) {
-                    let by_device =
-                        || Components::weighted(components, first_light.get(k).copied(), weight(pixel, sample));
-                    let components = if is_unfinished { one.components.total() } else { by_device() };
-                    sums.components.push_sample(sample, components);
-                }
+        let Found { samples, guides, components, first_light } = found;
+        for ((index, pixel), sums) in self.places().zip(&mut self.sums) {
+            let is_unfinished = samples.get(index).is_some_and(|sample| sample[3] < 0.0);
+            let guide = guides.get(index);
+            let is_known = !is_unfinished && guide.is_none_or(PackedGuide::is_complete);
+            let mut one = Sums::default();
+            let by_cpu = if is_known { 0 } else { tiles.sample(pixel, sample, &mut one) };
+            match samples.get_mut(index) {
+                Some(sample) if is_unfinished && is_summed => *sample = packed(&one.pixel.total(), by_cpu),
+                _ => self.n_rays += by_cpu,
             }
-            if unfinished != 0 {
-                let by_cpu = by_cpu.total();
-                of_block = if of_block.n_taken() == 0 { by_cpu } else { of_block + by_cpu };
+            if let Some(&[red, green, blue, n_rays]) = samples.get(index).filter(|_| !is_summed) {
+                let by_device = || Pixel::weighted([red, green, blue], weight(pixel, sample));
+                self.n_rays += if is_unfinished { 0 } else { n_rays as u64 };
+                sums.pixel.push_sample(sample, if is_unfinished { one.pixel.total() } else { by_device() });
             }
-            sums.pixel.push(block, of_block);
+            if let Some(guide) = guide {
+                let guide = if is_known { tiles.kept(guide.into()) } else { one.guide.total() };
+                sums.guide.push_sample(sample, guide);
+            }
+            if let Some(&components) = components.get(index) {
+                let by_device =
+                    || Components::weighted(components, first_light.get(index).copied(), weight(pixel, sample));
+                let components = if is_unfinished { one.components.total() } else { by_device() };
+                sums.components.push_sample(sample, components);
+            }
+        }
+    }
+
+    /// Adds the sums of all samples of a run.
+    fn add_sums(&mut self, found: &[PackedSum], run: &SampleRun) {
+        for ((index, _), sums) in self.places().zip(&mut self.sums) {
+            let found = &found[index];
+            self.n_rays += found.n_rays;
+            sums.pixel.push_sum(run.clone(), found.pixel(run.end - run.start));
         }
     }
 }

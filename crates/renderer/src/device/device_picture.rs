@@ -10,9 +10,10 @@ use canted_scene::{Camera, Lobes, Scene};
 use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::lights::{DeviceSky, SampledLights};
 use super::picture::{self, Pace, PackedPicture};
-use super::records::{self, LightKernels, PackedSample, PackedSum, RenderKernels, SampleRecord};
+use super::records::{self, LightKernels, RenderKernels};
 use super::scene::PackedScene;
 use super::streams::StreamKernels;
+use super::sums::SumKernels;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};
 use crate::light::bounded;
@@ -27,6 +28,15 @@ pub struct SharedFilm {
     pub n_tiles_of_device: usize,
     /// Why the GPU stopped before the end, if it did; the CPU rendered the rest.
     pub stopped: Option<GpuError>,
+}
+
+/// How the rays of a picture are traced where both is possible.
+#[derive(Clone, Copy)]
+struct Wanted {
+    /// As streams.
+    streams: bool,
+    /// After so many rounds one kernel ends all samples.
+    few_rounds: Option<u32>,
 }
 
 /// A scene and the settings of a picture on a GPU, ready to render.
@@ -70,6 +80,9 @@ const MOST_ROUNDS: u32 = 64;
 /// one sample of 200 x 112 pixels and four: 0.45 and 2.8 s, as streams 1.0 and 2.7 s; llvmpipe, loaded machine, 2026-11-29).
 const SMALL_FRAME: u32 = 1 << 16;
 
+/// Rounds of rays in a frame of more samples; then one kernel traces what is left, so that a frame takes few dispatches.
+const ROUNDS_OF_FRAME: u32 = 2;
+
 /// Whether a frame has so few samples.
 fn is_small(settings: &Settings) -> bool {
     n_groups(settings).saturating_mul(CELL * CELL) <= SMALL_FRAME
@@ -89,7 +102,7 @@ fn n_rounds(scene: &Scene, settings: &Settings) -> u32 {
 /// Whether the rays of a picture can be traced as streams, as far as device, scene and settings say.
 fn can_stream(gpu: &Gpu, scene: &Scene, settings: &Settings) -> bool {
     let keeps_parts = settings.aovs.has_components() || settings.aovs.has_factors();
-    n_rounds(scene, settings) <= MOST_ROUNDS && !keeps_parts && StreamKernels::max_groups(gpu) > 0
+    n_rounds(scene, settings) <= MOST_ROUNDS && !keeps_parts && StreamKernels::max_groups(gpu, &Pace::default()) > 0
 }
 
 /// Work-groups that take all samples of a picture.
@@ -99,20 +112,20 @@ fn n_groups(settings: &Settings) -> u32 {
     columns.saturating_mul(rows).saturating_mul(samples.end.saturating_sub(samples.start))
 }
 
-/// The kernels of a picture as streams; `chosen` has the choices of its kernel for whole samples.
+/// The kernels of a picture as streams, whose samples one kernel ends after `few` rounds; `chosen` has the choices of its kernel for whole samples.
 fn streams(
     gpu: &Gpu,
     chosen: &Variant,
-    scene: &Scene,
-    (packed, traced): (&PackedScene, &TracedScene),
+    (scene, packed, traced): (&Scene, &PackedScene, &TracedScene),
     settings: &Settings,
+    few: Option<u32>,
 ) -> Result<LightKernels, GpuError> {
     let integrator = match settings.integrator {
         Integrator::Path => choice::Integrator::Path,
         Integrator::Hybrid => choice::Integrator::Hybrid,
     };
     let masked = packed.masked(traced.has_masked());
-    let n_rounds = n_rounds(scene, settings);
+    let n_rounds = (n_rounds(scene, settings), few);
     Ok(LightKernels::Streams(StreamKernels::new(gpu, traced, chosen, (integrator, masked), n_rounds)?))
 }
 
@@ -144,7 +157,8 @@ impl<'a> DevicePicture<'a> {
         settings: &'a Settings,
         make: impl FnOnce(&Scene) -> Result<TracedScene, DeviceError>,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, bvh, (camera, settings), true, |scene| Ok(Traced::Own(make(scene)?)))
+        let wanted = Wanted { streams: true, few_rounds: None };
+        Self::made(gpu, surfaces, bvh, (camera, settings), wanted, |scene| Ok(Traced::Own(make(scene)?)))
     }
 
     /// [`Self::new`] for a frame of a sequence: uploads what changed since the last one, which must be dropped before. Where the device
@@ -161,9 +175,9 @@ impl<'a> DevicePicture<'a> {
         frames: &'a mut DeviceFrames,
     ) -> Result<Self, DeviceError> {
         let pace = frames.pace();
-        let made = Self::made(gpu, surfaces, bvh, (camera, settings), !is_small(settings), |scene| {
-            traced_frame(gpu, scene, bvh, frames)
-        })?;
+        let wanted = Wanted { streams: !is_small(settings), few_rounds: Some(ROUNDS_OF_FRAME) };
+        let made =
+            Self::made(gpu, surfaces, bvh, (camera, settings), wanted, |scene| traced_frame(gpu, scene, bvh, frames))?;
         Ok(Self { pace, ..made })
     }
 
@@ -172,7 +186,7 @@ impl<'a> DevicePicture<'a> {
         surfaces: &'a Surfaces<'a>,
         bvh: &'a SceneBvh,
         (camera, settings): (&Camera, &'a Settings),
-        streams_are_wanted: bool,
+        wanted: Wanted,
         make: impl FnOnce(&Scene) -> Result<Traced<'a>, DeviceError>,
     ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
@@ -210,8 +224,7 @@ impl<'a> DevicePicture<'a> {
             let chosen = Variant::none().with(count).with(time);
             traced.specialize(picture::specialize(chosen, view, settings))
         };
-        let chosen = sky.specialize(shared(choice::Count::None)).with(records::film(settings.sums));
-        let chosen = chosen.with(records::components(settings.aovs));
+        let chosen = sky.specialize(shared(choice::Count::None)).with(records::components(settings.aovs));
         let (kernel, chosen, sampled) = match settings.integrator {
             Integrator::Hybrid => {
                 let chosen = chosen.with(records::first_light(settings.aovs));
@@ -233,14 +246,15 @@ impl<'a> DevicePicture<'a> {
             Integrator::Path => chosen.clone(),
         };
         let can_stream = can_stream(gpu, scene, settings) && !traced.has_curves();
-        let light = match (can_stream && streams_are_wanted)
-            .then(|| streams(gpu, &chosen, scene, (&packed, &traced), settings))
+        let light = match (can_stream && wanted.streams)
+            .then(|| streams(gpu, &chosen, (scene, &packed, &traced), settings, wanted.few_rounds))
         {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
         };
-        let kernels = RenderKernels { light, guide };
+        let sums = (settings.sums == SampleSums::Device).then(|| SumKernels::new(gpu, &chosen)).transpose()?;
+        let kernels = RenderKernels { light, guide, sums };
         let picture = gpu.read_only_uniform("picture", &facts)?;
         Ok(Self {
             gpu,
@@ -277,7 +291,7 @@ impl<'a> DevicePicture<'a> {
             return Err(DeviceError::Unsupported { what: "this picture as streams of rays" });
         }
         let light = if are_wanted {
-            streams(self.gpu, &self.chosen, self.surfaces.scene(), (&self.packed, &self.traced), self.settings)?
+            self.streams(None)?
         } else {
             let chosen = self.chosen.clone();
             LightKernels::Whole(match self.settings.integrator {
@@ -285,6 +299,21 @@ impl<'a> DevicePicture<'a> {
                 Integrator::Hybrid => self.gpu.kernel(wgsl::render::HYBRID, &chosen.with(choice::First::Trace))?,
             })
         };
+        Ok(self.with_kernels(light, None))
+    }
+
+    fn streams(&self, few: Option<u32>) -> Result<LightKernels, GpuError> {
+        let scene = (self.surfaces.scene(), &self.packed, &*self.traced);
+        streams(self.gpu, &self.chosen, scene, self.settings, few)
+    }
+
+    /// The same picture as streams of rays of so many rounds, after which one kernel ends all samples, as in a frame.
+    ///
+    /// # Errors
+    /// A limit of the device.
+    #[doc(hidden)]
+    pub fn with_few_rounds(self, n: u32) -> Result<Self, DeviceError> {
+        let light = self.streams(Some(n))?;
         Ok(self.with_kernels(light, None))
     }
 
@@ -297,11 +326,12 @@ impl<'a> DevicePicture<'a> {
         Self { pace: Arc::new(pace), ..self }
     }
 
-    /// How many rays exact arithmetic decided in pictures so far; `None` where it traces all, as where an invocation traces the rays of a whole sample.
+    /// How many rays exact arithmetic decided in pictures so far; `None` where it traces all, as where an invocation traces the rays of a whole sample or the
+    /// rest of one.
     #[must_use]
     pub fn n_exact_rays(&self) -> Option<u64> {
         match &self.kernels.light {
-            LightKernels::Streams(kernels) if kernels.has_queries() && self.traced.decides_by_f32(self.gpu) => {
+            LightKernels::Streams(kernels) if kernels.are_queries() && self.traced.decides_by_f32(self.gpu) => {
                 Some(self.n_exact_rays.load(Ordering::Relaxed))
             }
             _ => None,
@@ -323,8 +353,8 @@ impl<'a> DevicePicture<'a> {
 
     /// Renders the tiles that are not in `done`, which an earlier call on any machine finished.
     ///
-    /// Samples differ from the CPU's by rounding, and where rounding sends a path elsewhere; they are summed in the same
-    /// order, [`SampleSums`] says where.
+    /// Samples differ from the CPU's by rounding, and where rounding sends a path elsewhere; their sums have the bits of the CPU's sums of
+    /// the same samples, wherever they are made ([`SampleSums`]).
     ///
     /// # Errors
     /// A tile of another picture, [`crate::RenderError::Cancelled`], or the loss of the device.
@@ -333,7 +363,7 @@ impl<'a> DevicePicture<'a> {
     }
 
     /// Renders a part of the samples: the first one and one past the last, or all for `None`, whatever the settings say. Joined parts have
-    /// the bits of an undivided render; with [`SampleSums::Device`], if each starts at a multiple of 64.
+    /// the bits of an undivided render.
     ///
     /// # Errors
     /// As [`DevicePicture::render`]; a range that is empty, or exceeds the samples.
@@ -369,26 +399,13 @@ impl<'a> DevicePicture<'a> {
 
     /// Renders tiles until none is left; the CPU takes the samples that the device cannot finish.
     fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles, settings: &Settings) -> Result<(), GpuError> {
-        // The kernels are compiled for the sums of the picture.
-        match self.settings.sums {
-            SampleSums::Host => self.run_with::<PackedSample>(schedule, tiles, settings),
-            SampleSums::Device => self.run_with::<PackedSum>(schedule, tiles, settings),
-        }
-    }
-
-    fn run_with<R: SampleRecord>(
-        &self,
-        schedule: &Schedule,
-        tiles: &dyn RenderTiles,
-        settings: &Settings,
-    ) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
-            dispatcher: SampleDispatcher::<R>::new(
+            dispatcher: SampleDispatcher::new(
                 self.gpu,
                 &self.traced,
                 (self.kernels.clone(), &self.pace),
-                n_groups(settings),
+                (n_groups(settings), settings.range().len() as u32),
             )?,
             bindings: self.bindings(),
             settings,

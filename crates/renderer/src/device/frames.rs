@@ -119,6 +119,12 @@ impl DeviceFrames {
         self.pace.clone()
     }
 
+    /// Expects the times of fast hardware in the next frame, to count what it takes there.
+    #[doc(hidden)]
+    pub fn expect_hardware(&self) {
+        self.pace.expect_hardware();
+    }
+
     /// Frees the BVHs of the last frame, which this frame does not use.
     pub(super) fn forget(&mut self) {
         self.kept = None;

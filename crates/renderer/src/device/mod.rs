@@ -13,6 +13,7 @@ mod records;
 mod scene;
 mod slack;
 mod streams;
+mod sums;
 mod traced;
 #[doc(hidden)]
 pub mod twins;

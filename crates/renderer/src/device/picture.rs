@@ -1,6 +1,6 @@
 //! Packs camera and settings.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
@@ -48,7 +48,7 @@ pub(super) struct Slice {
     pub(super) end_group: u32,
     pub(super) first_sample: u32,
     pub(super) n_samples: u32,
-    pub(super) block: u32,
+    pub(super) first_cell: u32,
 }
 
 /// All members except those that depend on the scene.
@@ -87,6 +87,8 @@ pub(super) struct Pace {
     /// Work-groups of the next dispatch, and most rounds that samples needed; 0 if not known.
     n_groups: AtomicU32,
     n_rounds: AtomicU32,
+    /// Whether a software driver takes as many samples at once as hardware.
+    is_of_hardware: AtomicBool,
 }
 
 impl Pace {
@@ -96,6 +98,16 @@ impl Pace {
 
     pub(super) fn set_groups(&self, n: u32) {
         self.n_groups.store(n, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_of_hardware(&self) -> bool {
+        self.is_of_hardware.load(Ordering::Relaxed)
+    }
+
+    /// Expects the times of fast hardware from now on, to test what it does.
+    pub(super) fn expect_hardware(&self) {
+        self.is_of_hardware.store(true, Ordering::Relaxed);
+        self.set_groups(u32::MAX);
     }
 
     pub(super) fn n_rounds(&self) -> Option<u32> {

@@ -9,9 +9,9 @@ use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
 
 use super::collector::SampleDispatcher;
-use super::records::{LightKernels, PackedSample, PackedSum, SampleRecord, SampleRun};
+use super::records::LightKernels;
 use super::{DeviceError, DevicePicture, picture};
-use crate::{FirstHit, Integrator, SampleSums};
+use crate::{FirstHit, Integrator};
 
 /// The first surface at the center of a pixel, in world space; colors are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -209,24 +209,17 @@ impl DevicePicture<'_> {
 
     /// The least time of one sample of each pixel of `n` cells all over the picture.
     fn time_of_cells(&self, n: u32) -> Result<Duration, DeviceError> {
-        match self.settings.sums {
-            SampleSums::Host => self.time_with::<PackedSample>(n),
-            SampleSums::Device => self.time_with::<PackedSum>(n),
-        }
-    }
-
-    fn time_with<R: SampleRecord>(&self, n: u32) -> Result<Duration, DeviceError> {
         let [columns, rows] = self.cells();
         let all = columns * rows;
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
         let mut dispatcher =
-            SampleDispatcher::<R>::new(self.gpu, &self.traced, (self.kernels.clone(), &Arc::default()), n)?;
+            SampleDispatcher::new(self.gpu, &self.traced, (self.kernels.clone(), &Arc::default()), (n, 1))?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();
-            dispatcher.take(&cells, SampleRun { first: 0, n: 1, block: 1 }, &self.bindings(), |_| true)?;
+            dispatcher.take(&cells, &(0..1), &self.bindings(), &|| false, |_, _, _| {})?;
             if round > 0 {
                 least = least.min(start.elapsed());
             }

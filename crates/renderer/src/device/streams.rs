@@ -5,6 +5,8 @@
 //!                 shadow rays -> occluded ------+        -> finish
 //! ```
 //!
+//! Frames have few rounds; then a kernel traces all other rays of each sample that has some (`rest`).
+//!
 //! `shaders/render/stream.wgsl` has the kernels and says why samples have the bits of kernels that take whole samples.
 
 use std::ops::Range;
@@ -33,6 +35,8 @@ pub(super) struct StreamKernels {
     start: Arc<Kernel>,
     shade: Arc<Kernel>,
     finish: Arc<Kernel>,
+    /// Ends samples after so many rounds.
+    rest: Option<(Arc<Kernel>, u32)>,
     /// Those that trace onward rays and shadow rays exactly, of scenes in which not every hit counts, or that move.
     masked: Option<[Arc<Kernel>; 2]>,
     /// Whether these trace all rays.
@@ -78,23 +82,27 @@ pub(super) struct Streams {
 const MORE_ROUNDS: u32 = 2;
 
 impl StreamKernels {
-    /// Kernels of an integrator for samples that need so many rounds; `chosen` has the choices of its kernel for whole samples.
+    /// Kernels of an integrator for samples that need so many rounds, or that one kernel ends after `few`; `chosen` has the choices of its kernel for
+    /// whole samples.
     pub(super) fn new(
         gpu: &Gpu,
         traced: &TracedScene,
         chosen: &Variant,
         (integrator, masked): (choice::Integrator, Masked),
-        n_rounds: u32,
+        (n_rounds, few): (u32, Option<u32>),
     ) -> Result<Self, GpuError> {
         use wgsl::render::stream;
         let chosen = chosen.clone().with(integrator);
+        let few = few.filter(|&few| few < n_rounds);
         let mut names = vec![stream::START, stream::SHADE, stream::FINISH];
+        names.extend(few.map(|_| stream::REST));
         if masked != Masked::None {
             names.extend([stream::masked::CLOSEST, stream::masked::OCCLUDED]);
         }
         let wanted = names.into_iter().map(|name| Ok((name, chosen.of_kernel(name)?)));
         let compiled = gpu.kernels(&wanted.collect::<Result<Vec<_>, GpuError>>()?)?;
         let [start, shade, finish, own @ ..] = &compiled[..] else { unreachable!("a kernel for each name") };
+        let (rest, own) = own.split_at(usize::from(few.is_some()));
         let own = match own {
             [closest, occluded] => Some([closest.clone(), occluded.clone()]),
             _ => None,
@@ -103,6 +111,7 @@ impl StreamKernels {
             start: start.clone(),
             shade: shade.clone(),
             finish: finish.clone(),
+            rest: rest.first().cloned().zip(few),
             masked: own,
             are_all_masked: masked == Masked::All,
             n_rounds,
@@ -115,7 +124,8 @@ impl StreamKernels {
     }
 
     pub(super) fn all(&self) -> impl Iterator<Item = &Arc<Kernel>> {
-        [&self.start, &self.shade, &self.finish].into_iter().chain(self.masked.iter().flatten())
+        let rest = self.rest.iter().map(|(kernel, _)| kernel);
+        [&self.start, &self.shade, &self.finish].into_iter().chain(rest).chain(self.masked.iter().flatten())
     }
 
     /// Whether kernels of [`TracedScene`] trace rays.
@@ -123,9 +133,15 @@ impl StreamKernels {
         !self.are_all_masked
     }
 
+    /// Whether these trace all rays, but for those of scenes in which not every hit counts.
+    pub(super) fn are_queries(&self) -> bool {
+        self.has_queries() && self.rest.is_none()
+    }
+
     /// Most work-groups of a dispatch.
-    pub(super) fn max_groups(gpu: &Gpu) -> u32 {
-        let most = if gpu.info().kind == AdapterKind::Software { MAX_SAMPLES_SOFTWARE } else { MAX_SAMPLES };
+    pub(super) fn max_groups(gpu: &Gpu, pace: &Pace) -> u32 {
+        let is_slow = gpu.info().kind == AdapterKind::Software && !pace.is_of_hardware();
+        let most = if is_slow { MAX_SAMPLES_SOFTWARE } else { MAX_SAMPLES };
         let in_binding = gpu.limits().max_storage_buffer_binding_size / (4 * STATE_WORDS) as u64;
         (most.min(usize::try_from(in_binding).unwrap_or(most)) / CELL_PIXELS) as u32
     }
@@ -187,7 +203,8 @@ impl Streams {
         let (exact, left) = beside.split_at(beside.len() - self.n_recorded as usize);
         let n_needed = left.iter().position(|&n| n == 0).map_or(self.n_recorded, |round| round as u32 + 1);
         self.pace.took_rounds(n_needed);
-        let is_done = self.n_recorded == self.kernels.n_rounds || left.last().is_none_or(|&n| n == 0);
+        let has_no_more = self.kernels.rest.is_some() || self.n_recorded == self.kernels.n_rounds;
+        let is_done = has_no_more || left.last().is_none_or(|&n| n == 0);
         (exact.iter().map(|&n| u64::from(n)).sum(), is_done)
     }
 
@@ -208,7 +225,11 @@ impl Streams {
         drop(shared);
         self.n_recorded = 0;
         let n_rounds = self.kernels.n_rounds;
-        let n = self.pace.n_rounds().map_or(n_rounds, |n| n.saturating_add(MORE_ROUNDS).min(n_rounds));
+        let n = match (&self.kernels.rest, self.pace.n_rounds()) {
+            (Some((_, few)), _) => *few,
+            (None, Some(n)) => n.saturating_add(MORE_ROUNDS).min(n_rounds),
+            (None, None) => n_rounds,
+        };
         self.record_rounds(commands, bindings, n_groups, n)
     }
 
@@ -246,7 +267,7 @@ impl Streams {
         rounds: Range<u32>,
     ) -> Result<(), GpuError> {
         let Self { kernels, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue, .. } = self;
-        let StreamKernels { shade, finish, masked, .. } = kernels;
+        let StreamKernels { shade, finish, rest, masked, .. } = kernels;
         let shared = [bindings, &self.bindings()].concat();
         let mut lists = [&alive[0], &alive[1]];
         lists.rotate_left(rounds.start as usize % 2);
@@ -270,6 +291,9 @@ impl Streams {
             lists[0].dispatch(commands, shade, &with_lists(&shared, lists))?;
             lists[1].copy_count(commands, &self.n_left, round);
             lists.swap(0, 1);
+        }
+        if let Some((rest, _)) = rest {
+            lists[0].dispatch(commands, rest, &with_lists(&shared, lists))?;
         }
         let groups = finish.groups(n_groups * finish.group_size());
         commands.dispatch(finish, &with_lists(&shared, lists), groups)
