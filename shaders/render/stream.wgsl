@@ -1,22 +1,32 @@
-// Pictures as streams of rays: kernels that only trace answer the rays of many samples, and these kernels start, shade and end the samples.
+// Pictures as streams of rays: kernels that only trace answer the rays of many samples, and these kernels start, shade and keep the samples.
 //
 // ```text
 // start -> rays -> trace/certain_closest, ... -> shade -> rays, shadow rays -> ...      for as many rounds as a sample may need
-//                                                      -> rest, of those that need more -> finish, of all samples at once
+//                                                      -> rest, of those that need more
 // ```
 //
 // `?integrator` says what a sample does with the answers to its rays. A shadow ray and the onward ray of the same surface are traced at the same time; light is
 // added in the order of `render/path` and `render/hybrid`, so a sample has the same bits. Samples that go on, rays and shadow rays are lists of indices:
-// a dispatch has invocations for those alone. The states lie in the order of samples, as the samples that `finish` keeps.
+// a dispatch has invocations for those alone. The states lie in the order of samples. A sample
+// is kept when it is done; until then it is one that no kernel finished.
 // use shared/invocation/index
+// use shared/invocation/incomplete
 // use shared/ray
 // use ?integrator
+// use shared/camera/film
 
 /// By work-group and invocation of `start`.
 @group(1) @binding(6) var<storage, read_write> states: array<State>;
 
 /// The stage of a sample with a ray that no kernel decided; the host takes it.
 const CUT: u32 = 3u;
+
+/// Keeps a sample if it is done.
+fn keep_done(state: State, one: PixelSample, index: u32) {
+    if state.stage == DONE {
+        keep(index / 64u, index % 64u, one, state.radiance, state.n_rays);
+    }
+}
 
 // choice integrator/path
 // Path tracing.
@@ -172,6 +182,8 @@ fn main(id: Invocation) {
     if one.is_inside {
         state = state_from(camera_ray(one));
         states[index] = state;
+        is_incomplete = true;
+        keep(group, id.local, one, vec3(0.0), 0u);
     }
     send(id.local, one.is_inside, index, state);
 }
@@ -195,15 +207,16 @@ fn main(id: Invocation) {
     if is_there {
         index = listed.indices[entry];
         state = states[index];
-        advance_by_answers(&state, index);
+        let one = taken(index / 64u, index % 64u);
+        advance_by_answers(&state, one, index);
         states[index] = state;
+        keep_done(state, one, index);
     }
     send(id.local, is_there, index, state);
 }
 
 /// Advances a sample by the answer to its shadow ray, then by that to its onward ray, if they were sent.
-fn advance_by_answers(state: ptr<function, State>, index: u32) {
-    let one = taken(index / 64u, index % 64u);
+fn advance_by_answers(state: ptr<function, State>, one: PixelSample, index: u32) {
     choose_time(one);
     // One call site: compilers inline functions at each call.
     for (var turn = 0u; turn < 2u; turn += 1u) {
@@ -272,27 +285,7 @@ fn main(id: Invocation) {
     if is_incomplete {
         state.stage = CUT;
     }
-    states[index] = state;
-}
-
-// part finish
-// Keeps the light of all samples of the dispatch.
-// use shared/invocation/incomplete
-// use shared/camera/film
-
-@compute @workgroup_size(64)
-fn main(id: Invocation) {
-    let group = group_index(id);
-    let one = taken(group, id.local);
-    var radiance = vec3(0.0);
-    var n_rays = 0u;
-    if one.is_inside {
-        let index = 64u * group + id.local;
-        radiance = states[index].radiance;
-        n_rays = states[index].n_rays;
-        is_incomplete = states[index].stage != DONE;
-    }
-    keep(group, id.local, one, radiance, n_rays);
+    keep_done(state, one, index);
 }
 
 // part masked

@@ -24,7 +24,6 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(a_frame_of_a_small_mesh_takes_few_dispatches_and_downloads_its_picture),
         needs_device(a_frame_of_many_samples_takes_few_dispatches_and_one_download),
         needs_device(faults_are_read_back_where_they_may_be),
-        needs_device(times_of_frames), // TEMPORARY
     ]
 }
 
@@ -224,38 +223,4 @@ fn faults_are_read_back_where_they_may_be() {
     scene.meshes[mesh].positions.iter_mut().for_each(|position| *position = position.map(|x| 1e-6 * x));
     bvh.update(&scene, &UpdateOptions::default()).unwrap();
     assert!(traced_frame(&gpu, &scene, &bvh, &mut frames).is_err());
-}
-
-// TEMPORARY
-fn times_of_frames() {
-    let gpu = gpu();
-    for (name, scene, camera) in [
-        ("room", room().0, room().1),
-        ("built-in", canted_scene::builtin(), super::scenes::frame_of(&canted_scene::builtin())),
-    ] {
-        let bvh =
-            SceneBvh::build(&scene, &SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() }).unwrap();
-        for (integrator, bounces) in [(Integrator::Path, 8), (Integrator::Hybrid, 1)] {
-            let settings = Settings { width: 320, height: 184, samples: 4, bounces, integrator, ..settings() };
-            let surfaces = Surfaces::with_lod(&scene, settings.lod);
-            let make = || DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings).unwrap();
-            let pictures = [
-                make().with_streams(false).unwrap(),
-                make().with_streams(true).unwrap(),
-                make().with_few_rounds(1).unwrap(),
-                make().with_few_rounds(2).unwrap(),
-                make().with_few_rounds(3).unwrap(),
-            ];
-            let mut times = vec![vec![]; 5];
-            for _ in 0..4 {
-                for (k, picture) in pictures.iter().enumerate() {
-                    let start = std::time::Instant::now();
-                    rendered(picture);
-                    times[k].push(start.elapsed().as_secs_f64());
-                }
-            }
-            let least: Vec<f64> = times.iter().map(|t| t[1..].iter().copied().fold(f64::INFINITY, f64::min)).collect();
-            println!("{name} {integrator:?} whole, streams, few 1, 2, 3: {least:.3?}");
-        }
-    }
 }

@@ -80,8 +80,8 @@ const MOST_ROUNDS: u32 = 64;
 /// one sample of 200 x 112 pixels and four: 0.45 and 2.8 s, as streams 1.0 and 2.7 s; llvmpipe, loaded machine, 2026-11-29).
 const SMALL_FRAME: u32 = 1 << 16;
 
-/// Rounds of rays in a frame of more samples; then one kernel traces what is left, so that a frame takes few dispatches.
-const ROUNDS_OF_FRAME: u32 = 2;
+/// Rounds of rays in a frame of more samples; then one kernel traces what is left, so that a frame takes at most 20 dispatches with its rebuild.
+const ROUNDS_OF_FRAME: u32 = 1;
 
 /// Whether a frame has so few samples.
 fn is_small(settings: &Settings) -> bool {

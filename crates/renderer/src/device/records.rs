@@ -141,7 +141,7 @@ impl ReadyKernels {
     ) -> Result<(), GpuError> {
         let mut commands = gpu.commands();
         if let ReadyLight::Streams(streams) = &mut self.light {
-            streams.record_rest(&mut commands, bindings, size[0])?;
+            streams.record_rest(&mut commands, bindings)?;
         }
         self.finish(commands, bindings, size)
     }

@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! start -> onward rays ---------> closest hits -+-> shade -> onward rays, shadow rays ...   for some rounds
-//!                 shadow rays -> occluded ------+        -> finish
+//!                 shadow rays -> occluded ------+
 //! ```
 //!
-//! Frames have few rounds; then a kernel traces all other rays of each sample that has some (`rest`).
+//! A frame has one round; then a kernel traces all other rays of each sample that has some (`rest`).
 //!
 //! `shaders/render/stream.wgsl` has the kernels and says why samples have the bits of kernels that take whole samples.
 
@@ -34,7 +34,6 @@ const FEW_SAMPLES: usize = 64 * CELL_PIXELS;
 pub(super) struct StreamKernels {
     start: Arc<Kernel>,
     shade: Arc<Kernel>,
-    finish: Arc<Kernel>,
     /// Ends samples after so many rounds.
     rest: Option<(Arc<Kernel>, u32)>,
     /// Those that trace onward rays and shadow rays exactly, of scenes in which not every hit counts, or that move.
@@ -94,14 +93,14 @@ impl StreamKernels {
         use wgsl::render::stream;
         let chosen = chosen.clone().with(integrator);
         let few = few.filter(|&few| few < n_rounds);
-        let mut names = vec![stream::START, stream::SHADE, stream::FINISH];
+        let mut names = vec![stream::START, stream::SHADE];
         names.extend(few.map(|_| stream::REST));
         if masked != Masked::None {
             names.extend([stream::masked::CLOSEST, stream::masked::OCCLUDED]);
         }
         let wanted = names.into_iter().map(|name| Ok((name, chosen.of_kernel(name)?)));
         let compiled = gpu.kernels(&wanted.collect::<Result<Vec<_>, GpuError>>()?)?;
-        let [start, shade, finish, own @ ..] = &compiled[..] else { unreachable!("a kernel for each name") };
+        let [start, shade, own @ ..] = &compiled[..] else { unreachable!("a kernel for each name") };
         let (rest, own) = own.split_at(usize::from(few.is_some()));
         let own = match own {
             [closest, occluded] => Some([closest.clone(), occluded.clone()]),
@@ -110,7 +109,6 @@ impl StreamKernels {
         let kernels = Self {
             start: start.clone(),
             shade: shade.clone(),
-            finish: finish.clone(),
             rest: rest.first().cloned().zip(few),
             masked: own,
             are_all_masked: masked == Masked::All,
@@ -125,7 +123,7 @@ impl StreamKernels {
 
     pub(super) fn all(&self) -> impl Iterator<Item = &Arc<Kernel>> {
         let rest = self.rest.iter().map(|(kernel, _)| kernel);
-        [&self.start, &self.shade, &self.finish].into_iter().chain(rest).chain(self.masked.iter().flatten())
+        [&self.start, &self.shade].into_iter().chain(rest).chain(self.masked.iter().flatten())
     }
 
     /// Whether kernels of [`TracedScene`] trace rays.
@@ -230,7 +228,7 @@ impl Streams {
             (None, Some(n)) => n.saturating_add(MORE_ROUNDS).min(n_rounds),
             (None, None) => n_rounds,
         };
-        self.record_rounds(commands, bindings, n_groups, n)
+        self.record_rounds(commands, bindings, n)
     }
 
     /// Adds the dispatches that end the samples which these rounds left.
@@ -238,9 +236,8 @@ impl Streams {
         &mut self,
         commands: &mut Commands<'_>,
         bindings: &[NamedBinding<'_>],
-        n_groups: u32,
     ) -> Result<(), GpuError> {
-        self.record_rounds(commands, bindings, n_groups, self.kernels.n_rounds)
+        self.record_rounds(commands, bindings, self.kernels.n_rounds)
     }
 
     /// Adds the rounds from the last recorded one to before `end`, and keeps the samples.
@@ -248,12 +245,11 @@ impl Streams {
         &mut self,
         commands: &mut Commands<'_>,
         bindings: &[NamedBinding<'_>],
-        n_groups: u32,
         end: u32,
     ) -> Result<(), GpuError> {
         // Apart from the queries, which count.
         let mut queries = self.queries.take();
-        let done = self.rounds(commands, (bindings, n_groups), queries.as_mut(), self.n_recorded..end);
+        let done = self.rounds(commands, bindings, queries.as_mut(), self.n_recorded..end);
         self.queries = queries;
         self.n_recorded = end;
         done
@@ -262,12 +258,12 @@ impl Streams {
     fn rounds(
         &self,
         commands: &mut Commands<'_>,
-        (bindings, n_groups): (&[NamedBinding<'_>], u32),
+        bindings: &[NamedBinding<'_>],
         mut queries: Option<&mut StreamQueries>,
         rounds: Range<u32>,
     ) -> Result<(), GpuError> {
         let Self { kernels, onward_rays, shadow_rays, hits, found, alive, onward_queue, shadow_queue, .. } = self;
-        let StreamKernels { shade, finish, rest, masked, .. } = kernels;
+        let StreamKernels { shade, rest, masked, .. } = kernels;
         let shared = [bindings, &self.bindings()].concat();
         let mut lists = [&alive[0], &alive[1]];
         lists.rotate_left(rounds.start as usize % 2);
@@ -295,8 +291,7 @@ impl Streams {
         if let Some((rest, _)) = rest {
             lists[0].dispatch(commands, rest, &with_lists(&shared, lists))?;
         }
-        let groups = finish.groups(n_groups * finish.group_size());
-        commands.dispatch(finish, &with_lists(&shared, lists), groups)
+        Ok(())
     }
 
     /// The bindings of all kernels but the lists of samples.
