@@ -170,7 +170,9 @@ fn a_frame_of_a_small_mesh_takes_few_dispatches_and_downloads_its_picture() {
 /// Such a frame of more samples than one kernel takes whole, on a device that is as fast as hardware.
 fn a_frame_of_many_samples_takes_few_dispatches_and_one_download() {
     let gpu = gpu();
-    let (mut scene, camera) = room();
+    let (mut scene, _) = room();
+    // From far away: most rays miss, so that a software driver takes the samples in seconds.
+    let camera = Camera::pinhole([0.4, 0.1, 90.0], [0.0, -0.2, 0.0], [0.0, 1.0, 0.0], 38.0);
     let ball = icosphere(2);
     let number = u32::try_from(scene.meshes.len()).unwrap();
     scene.meshes.push(mesh(ball.positions, ball.triangles, 1));
@@ -178,7 +180,7 @@ fn a_frame_of_many_samples_takes_few_dispatches_and_one_download() {
     let mut bvh =
         SceneBvh::build(&scene, &SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() }).unwrap();
     let mut frames = DeviceFrames::default().with_wide(WideConfig { bits: Bits::B63, ..WideConfig::default() });
-    let large = Settings { width: 640, height: 360, bounces: 2, ..settings() };
+    let large = Settings { width: 640, height: 360, bounces: 1, ..settings() };
     for (frame, samples) in [0, 1, 4].into_iter().enumerate() {
         scene.meshes[number as usize].positions.iter_mut().for_each(|p| p[1] *= 1.1);
         bvh.update(&scene, &UpdateOptions::default()).unwrap();
