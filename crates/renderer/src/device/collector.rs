@@ -8,10 +8,8 @@ use canted_film::{CELL, Components, Guide, Pixel, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
 use super::picture::{CELL_PIXELS, Pace, Slice};
-use super::records::{
-    PackedComponents, PackedFirstLight, PackedGuide, PackedSample, ReadyKernels, RenderKernels, Took,
-};
-use super::sums::{PackedSum, SampleRun, packed, runs};
+use super::records::{PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, Took};
+use super::sums::{PackedSample, PackedSum, SampleRun, packed, runs};
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
 

@@ -8,7 +8,7 @@ use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, TracedSc
 
 use super::picture::{CELL_PIXELS, Pace};
 use super::streams::{StreamKernels, Streams};
-use super::sums::{DeviceSums, PackedSum, SumKernels};
+use super::sums::{DeviceSums, PackedSample, PackedSum, SumKernels};
 
 /// `Guide` of `render/guide`: the AOVs of a sample.
 #[repr(C)]
@@ -199,9 +199,6 @@ pub(super) struct Took {
     /// Whether the device does not sum samples, because the CPU must take some.
     pub(super) has_unfinished: bool,
 }
-
-/// A sample: linear RGB and the number of rays, which is negative where the kernel gave up.
-pub(super) type PackedSample = [f32; 4];
 
 /// The part of the kernels that keeps the parts of the light, if they are requested.
 pub(super) fn components(aovs: Aovs) -> choice::Components {

@@ -15,7 +15,9 @@ use canted_film::{Block, Pixel};
 use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, Variant, wgsl};
 
 use super::picture::CELL_PIXELS;
-use super::records::PackedSample;
+
+/// A sample: linear RGB and the number of rays, which is negative where the kernel gave up.
+pub(super) type PackedSample = [f32; 4];
 
 /// Samples that all cells take one after the other.
 pub(super) type SampleRun = Range<u32>;
