@@ -66,7 +66,7 @@ fn streams_have_the_bits_of_one_kernel() {
     let (textured, camera_of_textured) = scenes::textured();
     let (dollhouse, camera_of_dollhouse) = scenes::dollhouse();
     let (moving, camera_of_moving) = scenes::in_motion(scenes::textured());
-    for (name, scene, camera) in [
+    let scenes = [
         ("room", &room, &camera),
         ("room before a sky", &lit, &camera_of_lit),
         ("metal and glass", &materials, &camera_of_materials),
@@ -74,7 +74,8 @@ fn streams_have_the_bits_of_one_kernel() {
         ("single-sided materials", &dollhouse, &camera_of_dollhouse),
         ("motion", &moving, &camera_of_moving),
         ("built-in", &built_in, &camera_of_built_in),
-    ] {
+    ];
+    for (i, (name, scene, camera)) in scenes.into_iter().enumerate() {
         for (integrator, levels, bounces, sums) in [
             (Integrator::Path, Levels::One, 8, SampleSums::Host),
             (Integrator::Path, Levels::Two, 0, SampleSums::Device),
@@ -87,10 +88,11 @@ fn streams_have_the_bits_of_one_kernel() {
             let [streams, whole] =
                 [true, false].map(|streams| rendered(&gpu, (scene, camera), &bvh, &settings, streams, |traced| traced));
             assert!(streams == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {sums:?}");
-            // One kernel ends the samples after this number of rounds, as in a frame.
-            let few = if sums == SampleSums::Host { 2 } else { 1 };
-            let ended = ended_after(few, &gpu, (scene, camera), &bvh, &settings, 1 << 18);
-            assert!(ended == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {few} rounds");
+            // One kernel ends the samples after two rounds, as in a frame. A driver takes seconds to compile it: once for a scene.
+            if sums == SampleSums::Host && (integrator == Integrator::Path) == i.is_multiple_of(2) {
+                let ended = ended_after(2, &gpu, (scene, camera), &bvh, &settings, 1 << 18);
+                assert!(ended == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, ended by one kernel");
+            }
             // The comparison detects a picture without bounces.
             if bounces > 0 {
                 let fewer = Settings { bounces: 0, ..settings };
