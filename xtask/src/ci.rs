@@ -246,7 +246,8 @@ fn short_render() -> Result<End> {
     if !succeeds(&mut cargo(&["test", "--workspace", "--no-run"]))? {
         return Ok(End::of(false));
     }
-    let program = command::target().join("debug").join(format!("canted{}", env::consts::EXE_SUFFIX));
+    let program =
+        command::root().join(command::target()).join("debug").join(format!("canted{}", env::consts::EXE_SUFFIX));
     let mut render = Command::new(program);
     render.args(["render", "--spp", "1", "--size", &format!("{}x{}", SIZE[0], SIZE[1]), "--output"]).arg(&picture);
     if !succeeds(render.current_dir(command::root()))? {

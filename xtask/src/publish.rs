@@ -93,7 +93,7 @@ fn unpacked(packages: &Path) -> Result<PathBuf> {
         let (name, _) = unpacked.rsplit_once('-').with_context(|| format!("{unpacked} has no version"))?;
         manifest += &format!("{name} = {{ path = \"{unpacked}\" }}\n");
     }
-    // The profile that the lints have compiled the dependencies with.
+    // The profile that the lints have compiled the dependencies with, which ends the manifest.
     let own = fs::read_to_string(command::root().join("Cargo.toml")).context("cannot read Cargo.toml")?;
     let profile = own.find("[profile.dev]").context("Cargo.toml has no [profile.dev]")?;
     manifest = manifest + "\n" + &own[profile..];

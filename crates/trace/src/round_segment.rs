@@ -13,11 +13,9 @@ use crate::rounding::nearest;
 /// ```
 /// use canted_trace::{Ray, RoundSegment, ScaledRay};
 ///
-/// let segment = RoundSegment { ends: [[0.0; 3], [4.0, 0.0, 0.0]], radii: [1.0, 0.0] };
-/// let ray = ScaledRay::new(&Ray::new([0.0, 0.0, 5.0], [0.0, 0.0, -1.0])).expect("a valid ray");
-/// let [entry, exit] = segment.span_scaled(&ray).expect("the ray passes through the first ball");
-/// assert!((entry.t - 4.0).abs() < 0.04 && (exit.t - 6.0).abs() < 0.04);
-/// assert!(entry.u < 0.01);
+/// let segment = RoundSegment { ends: [[0.0; 3], [4.0, 0.0, 0.0]], radii: [1.0, 0.0] }; let ray = ScaledRay::new(&Ray::new([0.0, 0.0, 5.0],
+/// [0.0, 0.0, -1.0])).expect("a valid ray"); let [entry, exit] = segment.span_scaled(&ray).expect("the ray passes through the first ball");
+/// assert!((entry.t - 4.0).abs() < 0.04 && (exit.t - 6.0).abs() < 0.04); assert!(entry.u < 0.01);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundSegment {
@@ -44,11 +42,11 @@ impl RoundSegment {
     /// `|p - s·a|² <= (r0 - s·δ)²`, where `a` leads from end to end and `δ = r0 - r1`. With `e = a² - δ²` the left side exceeds the right
     /// least at `s = (p·a - r0·δ)/e`, by `p² - r0² - e·s²`: zero on the lateral surface, a quadratic equation along the line. The hull is
     /// convex, and its surface consists of parts of the two spheres and of the lateral surface at `0 <= s <= 1`; all of these are in the hull. So
-    /// the line enters at the least of their roots, and leaves at the greatest; a root of the lateral surface is the entry where the form
-    /// decreases, else
-    /// the exit, and what is missing then is on a ball. Coefficients are computed in f64 by vector products, without
-    /// squares of the length, from the point of the line that is nearest to the axis: then thin and distant segments have few
-    /// cancellations.
+    /// the line enters at the least of their roots, and leaves at the greatest. A root of the lateral surface is the entry where the form
+    /// decreases, else the exit, and what is missing then is on a ball. The form is also zero on the other half of the cone, beyond its apex. A line
+    /// that is steeper than the surface meets each half once: where radii decrease along it, it only leaves the half of the segment, otherwise it
+    /// only enters it. Coefficients are computed in f64 by vector products, without squares of the length, from the point of the line that is
+    /// nearest to the axis: then thin and distant segments have few cancellations.
     #[doc(hidden)]
     #[inline]
     #[must_use]
@@ -58,8 +56,7 @@ impl RoundSegment {
     }
 
     /// [`RoundSegment::span_scaled`] as far as the first hit of a ray needs it: `None` where the ray certainly leads away from the
-    /// segment, and where it enters at its `t_min` or
-    /// later, both points may be the entry.
+    /// segment, and where it enters at its `t_min` or later, both points may be the entry.
     #[doc(hidden)]
     #[inline(always)]
     #[must_use]
@@ -85,12 +82,10 @@ fn to_points(ends: Option<[(f64, f64); 2]>) -> Option<[SegmentPoint; 2]> {
 }
 
 /// Whether the segment along `a` is on one side of a plane, and the ray `from_origin + t·d` with `t >= 0`, relative to the first end, on
-/// the other, by more
-/// than roundings: so rays lead away from what they start on.
+/// the other, by more than roundings: so rays lead away from what they start on.
 ///
 /// The plane is across a vector `w` to the origin, from about the center of the ball that it is nearest to. All points of both balls are
-/// behind it if `p·w` exceeds `r0·|w|` and
-/// `(p - a)·w` exceeds `r1·|w|`, where `p` is the origin, and no point of the ray is if `d·w` is positive, whatever `w` is.
+/// behind it if `p·w` exceeds `r0·|w|` and `(p - a)·w` exceeds `r1·|w|`, where `p` is the origin, and no point of the ray is if `d·w` is positive, whatever `w` is.
 #[inline(always)]
 fn leads_away(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> bool {
     let delta = r0 - r1;
@@ -156,6 +151,12 @@ pub(crate) fn span(
         exit = (last, (along_m + last * along_d) * recip_e);
         has_entry = 0.0 <= entry.1 && entry.1 <= 1.0;
         has_exit = 0.0 <= exit.1 && exit.1 <= 1.0;
+        // Through an apex both roots are one, and roundings may put that of the other half of the cone on this one.
+        if a2 < 0.0 && delta * along_d > 0.0 {
+            has_entry = false;
+        } else if a2 < 0.0 {
+            has_exit = false;
+        }
         if has_entry && base_t + first >= enough {
             return Some([(base_t + first, entry.1); 2]);
         }
@@ -165,8 +166,7 @@ pub(crate) fn span(
         }
     }
     // The hull is convex: a point on the lateral surface is an end, beyond which there is no ball. The other end is on a ball, or, but for
-    // roundings,
-    // the same point.
+    // roundings, the same point.
     if !(has_entry && has_exit) {
         let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
         for (u, to_ray, radius) in [(0.0, m, r0), (1.0, sub(m, a), r1)] {
@@ -274,6 +274,42 @@ mod tests {
     fn rays_that_lead_away_do_not_hit() {
         let [n_hits, n_lost, n_away] = counts(1.0);
         assert!(n_hits > 5000 && n_lost == 0 && n_away > 50_000, "{n_lost} of {n_hits} lost, {n_away} lead away");
+    }
+
+    /// Lines through the tip of a cone, and along its axis, in both directions: the ball at the wide end is where they enter or leave.
+    #[test]
+    fn lines_through_a_tip_enter_at_the_ball() {
+        let mut n = 0;
+        for (segment, ray) in cases(40_000) {
+            let ([wide, tip], r) = (segment.ends, 0.3 * segment.radii[0]);
+            let from = ray.origin.map(|x| 3.0 * x);
+            for (origin, is_along) in [(from, false), ([0, 1, 2].map(|k| 4.0 * wide[k] - 3.0 * tip[k]), true)] {
+                let Some(ray) = ScaledRay::new(&Ray::new(origin, [0, 1, 2].map(|k| tip[k] - origin[k]))) else {
+                    continue;
+                };
+                let (o, d) = (to_f64(ray.origin), to_f64(ray.direction));
+                let to_ray = sub(o, to_f64(wide));
+                let b = dot(to_ray, d) / dot(d, d);
+                let aside: Vector = core::array::from_fn(|k| to_ray[k] - b * d[k]);
+                let square = (f64::from(r) * f64::from(r) - dot(aside, aside)) / dot(d, d);
+                // Lines that pass beside the ball, or graze it, meet the cone at its tip alone, or nothing.
+                if r < 1e-3 || square < 1e-3 * f64::from(r) * f64::from(r) {
+                    continue;
+                }
+                let cones = [([wide, tip], [r, 0.0]), ([tip, wide], [0.0, r])]
+                    .map(|(ends, radii)| RoundSegment { ends, radii });
+                for cone in cones {
+                    let [entry, _] = cone.span_scaled(&ray).expect("the line meets the ball");
+                    let expected = -b - sqrt(square);
+                    let is_near = (f64::from(entry.t) - expected).abs() <= 1e-5 * (1.0 + expected.abs());
+                    // A tip before the ball is on the way there.
+                    let to_tip = dot(sub(to_f64(tip), o), d) / dot(d, d);
+                    assert!(is_near || to_tip < expected, "{cone:?} {ray:?} {is_along}: {entry:?}, not at {expected}");
+                    n += u32::from(is_near);
+                }
+            }
+        }
+        assert!(n > 10_000, "{n}");
     }
 
     #[test]

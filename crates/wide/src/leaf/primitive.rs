@@ -71,11 +71,8 @@ pub struct PrimitiveHit {
 ///     }
 /// }
 ///
-/// let disks = (0..100u8)
-///     .map(|i| Disk { center: [f32::from(i), 0.0, 0.0], a: [0.5, 0.5, 0.0], b: [0.0, 0.0, 0.5f32.sqrt()] })
-///     .collect();
-/// let bvh = WideBvh::over(disks)?;
-/// let hit = bvh.closest_hit(&Ray::new([7.25, 3.0, 0.0], [0.0, -1.0, 0.0])).expect("the ray hits a disk");
+/// let disks = (0..100u8) .map(|i| Disk { center: [f32::from(i), 0.0, 0.0], a: [0.5, 0.5, 0.0], b: [0.0, 0.0, 0.5f32.sqrt()] }) .collect();
+/// let bvh = WideBvh::over(disks)?; let hit = bvh.closest_hit(&Ray::new([7.25, 3.0, 0.0], [0.0, -1.0, 0.0])).expect("the ray hits a disk");
 /// assert_eq!((hit.primitive.0, hit.t), (7, 2.75));
 /// # Ok::<(), canted_wide::PrimitiveError>(())
 /// ```
@@ -106,14 +103,12 @@ pub trait Primitive: Send + Sync {
     const HULL: Option<fn(&Self) -> RoundSegment> = None;
 
     /// A ball around a primitive, as [`Primitive::HULL`]: for shapes that are about as long as they are wide, and cheaper to test. Points
-    /// that
-    /// [`Primitive::intersect`] reports must be within 2^-24 of the greatest distance between the ray's origin and a point of the ball
-    /// from the ball, whatever
-    /// [`Primitive::ERROR`] is; otherwise hits are lost. Where there is one, `HULL` is not used.
+    /// that [`Primitive::intersect`] reports must be within 2^-24 of the greatest distance between the ray's origin and a point of the ball
+    /// from the ball, whatever [`Primitive::ERROR`] is; otherwise hits are lost. Where there is one, `HULL` is not used.
     const BALL: Option<fn(&Self) -> Sphere> = None;
 
-    /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters
-    /// it: rays that
+    /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters it and misses
+    /// no line that is deeper inside than 2^-23 of the greatest distance between the ray's origin and a point of it, plus its radius: rays that
     /// certainly hit it need no other test where any hit will do.
     const IS_HULL: bool = false;
 

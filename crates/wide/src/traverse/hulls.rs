@@ -10,7 +10,7 @@ use crate::simd::Simd;
 /// How much of the squared radius counts: 9/8, and the roundings of the comparison.
 const RADIUS: f32 = 1.126;
 
-/// Nine times the squared error of the distance, relative to the sizes, and more; see [`RayLine::near`].
+/// Nine times the squared error of the distance, relative to the sizes, and more; see [`RayLine::near_segments`].
 pub(crate) const ERROR: f32 = 16384.0 * U * U;
 
 /// More than all roundings of a position along the line, relative to the sizes.
@@ -110,7 +110,9 @@ impl<S: Simd> RayLine<S> {
         let reach = simd.mul_add(simd.mul(radius, radius), simd.splat(RADIUS), simd.mul(sizes, slant));
         let reach = simd.add(simd.mul(reach, squared), tiny);
         let axis_size = norm(simd, axis);
-        let is_usable = simd.lt(simd.splat(LEAST), across_squared) | simd.le(axis_size, zero);
+        // A square that overflows leaves the first end alone.
+        let is_finite = simd.le(across_squared, simd.splat(f32::MAX));
+        let is_usable = is_finite & simd.lt(simd.splat(LEAST), across_squared) | simd.le(axis_size, zero);
         let near = of & !(simd.lt(reach, apart) & is_usable);
         // So it is with most leaves.
         if near == 0 {
