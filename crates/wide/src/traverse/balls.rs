@@ -25,27 +25,25 @@ impl<S: Simd> RayLine<S> {
     ///
     /// # Method
     /// Let `m` be the vector from the ray's origin to the center, `d` the direction of the length `D`, `F` the length of `m` and `r` the
-    /// radius. The line is `|m × d|/D` from the
-    /// center; at the distance `h` it is in the ball for half a chord of `√((r - h)·(r + h))` on both sides of `m·d/D`.
+    /// radius. The line is `|m × d|/D` from the center; at the distance `h` it is in the ball for half a chord of `√((r - h)·(r + h))` on
+    /// both sides of `m·d/D`.
     ///
     /// # Error
     /// Two roundings of inputs and products and one of a difference put `m × d` off by at most 4.3 u·F·D, its length `a` by 2.6 u more of
-    /// itself, at most u·F·D each, the length of the direction by
-    /// 5 u of `r·D`, which only makes it longer, and the test of a primitive by u·(F + r)·D. So with `e = 10 u·(|m|₁ + r)·D`, of which
-    /// `|m|₁` is at least F, a hit has `r·D + e >= a`, and the
-    /// chord, times D², is at most `√((r·D + e - a)·(r·D + e + a))` but for the 4 u of the root itself: the first factor is rounded to 2
-    /// u of `r·D + e`, which `e`
-    /// has to spare. The position of the center, `m·d`, is off by less than 6 u·F·D, and the ends of the interval, which count only where
-    /// they are as near, by 3 u of theirs;
-    /// 32 u·(|m|₁ + r)·D is more than all of that, the root's share and what the test may be off by. [`TINY`] covers what underflows,
-    /// also below the root; balls much smaller than it, in scaled coordinates, are all kept. What overflows or is NaN is kept.
+    /// itself, at most u·F·D each, the length of the direction by 5 u of `r·D`, which only makes it longer, and the test of a primitive by
+    /// u·(F + r)·D. So with `e = 10 u·(|m|₁ + r)·D`, of which `|m|₁` is at least F, a hit has `r·D + e >= a`, and the chord, times D², is
+    /// at most `√((r·D + e - a)·(r·D + e + a))` but for the 4 u of the root itself: the first factor is rounded to 2 u of `r·D + e`, which
+    /// `e` has to spare. The position of the center, `m·d`, is off by less than 6 u·F·D, and the ends of the interval, which count only
+    /// where they are as near, by 3 u of theirs; 32 u·(|m|₁ + r)·D is more than all of that, the root's share and what the test may be off
+    /// by. [`TINY`] covers what underflows, also below the root; balls much smaller than it, in scaled coordinates, are all kept. What
+    /// overflows or is NaN is kept.
     ///
     /// Squares are compared first, which is a rounding of the reach more and one of the distance less: `e` has both to spare.
     ///
     /// # Certain hits
     /// A line that is nearer than `r·D` by [`CERTAIN`] of the sizes passes through the ball: that is more than `e` and the 5 u of the
-    /// length. It enters
-    /// before the center, and so in its interval if the bound of the entry is not before `t_min`, and the center not beyond `t_max`.
+    /// length. It enters before the center, and so in its interval if the bound of the entry is not before `t_min`, and the center not
+    /// beyond `t_max`.
     #[inline(always)]
     pub(crate) fn near_balls(&self, simd: S, [x, y, z, radius]: [S::F; 4], of: u32, t_max: f32) -> Reached<S> {
         let m = [simd.sub(x, self.origin[0]), simd.sub(y, self.origin[1]), simd.sub(z, self.origin[2])];

@@ -69,22 +69,17 @@ impl<S: Simd> RayLine<S> {
     ///
     /// # Where the ray enters
     /// A point of the segment on the line is within `r` of the point at some `s'` of the axis, whose position along the line is at most
-    /// `r·D` beyond. That
-    /// point is `(s' - s)·|c|/D` farther along the axis than the nearest one, at `s`, clamped or not: so that is at most `r`. With the
-    /// errors of `s` and of the test, which
-    /// `E` and the rest of [`ERROR`] hold, `(s' - s)²·c²` is at most the squared reach of the comparison. So the position is at least
-    /// that at `s`, less the step along the line of
-    /// `reach/|c|`, less `r·D`. Where R is at most 2^10, `|c|` is off by 2^-11.8, which [`WIDER`] exceeds; elsewhere, and where `c²` is
-    /// below 2^-100,
-    /// the nearer end bounds the entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6
-    /// u·A·D of the step.
+    /// `r·D` beyond. That point is `(s' - s)·|c|/D` farther along the axis than the nearest one, at `s`, clamped or not: so that is at most
+    /// `r`. With the errors of `s` and of the test, which `E` and the rest of [`ERROR`] hold, `(s' - s)²·c²` is at most the squared reach
+    /// of the comparison. So the position is at least that at `s`, less the step along the line of `reach/|c|`, less `r·D`. Where R is at
+    /// most 2^10, `|c|` is off by 2^-11.8, which [`WIDER`] exceeds; elsewhere, and where `c²` is below 2^-100, the nearer end bounds the
+    /// entry alone. The position at `s` is off by less than 6 u·D·(F + A) again, and [`STEP`] covers the 6 u·A·D of the step.
     ///
     /// # Certain hits
     /// The line is `|m + s·c|/D` from the point at `s`, whatever `s` is, and 11 u·D·(F + A) covers the roundings of that; the test of a
-    /// round segment may be
-    /// off by 2 u·(F + A + r). So a line that is nearer than the lesser radius by [`CERTAIN`] of the sizes enters the segment, no later
-    /// than at the point nearest
-    /// to that at `s`, and it does so in its interval if the bound of the entry is not before `t_min`, and that point not beyond `t_max`.
+    /// round segment may be off by 2 u·(F + A + r). So a line that is nearer than the lesser radius by [`CERTAIN`] of the sizes enters the
+    /// segment, no later than at the point nearest to that at `s`, and it does so in its interval if the bound of the entry is not before
+    /// `t_min`, and that point not beyond `t_max`.
     #[inline(always)]
     pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], of: u32, t_max: f32) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;
@@ -151,13 +146,11 @@ impl<S: Simd> RayLine<S> {
     ///
     /// # Error
     /// Let `f` and `g` be the vectors to the ends, and `w` the one to a point of the axis, about that whose ball the ray's origin is
-    /// nearest to. All points of the segment are
-    /// beyond the origin along `w` if `w·f` exceeds `r0·|w|` and `w·g` exceeds `r1·|w|`, whatever `w` is; points of the ray are not if
-    /// `w·d` is at most 0. A product is off by 4 u·|w|·F, as inputs and three sums are rounded, `r·|w|` by 4 u of itself, the test of a
-    /// primitive
-    /// by 3.5 u·(F + r)·|w|: all are less than 16 u of `|w|·(|f|₁ + |g|₁ + r)`, half of what [`PLANE`] has. `w·d` is off by 3 u·|w|·D.
-    /// Where `|w|` times twice the sizes does not overflow, no product does. Where `w²` is above 2^-100, what underflows is less than the
-    /// margin.
+    /// nearest to. All points of the segment are beyond the origin along `w` if `w·f` exceeds `r0·|w|` and `w·g` exceeds `r1·|w|`, whatever
+    /// `w` is; points of the ray are not if `w·d` is at most 0. A product is off by 4 u·|w|·F, as inputs and three sums are rounded,
+    /// `r·|w|` by 4 u of itself, the test of a primitive by 3.5 u·(F + r)·|w|: all are less than 16 u of `|w|·(|f|₁ + |g|₁ + r)`, half of
+    /// what [`PLANE`] has. `w·d` is off by 3 u·|w|·D. Where `|w|` times twice the sizes does not overflow, no product does. Where `w²` is
+    /// above 2^-100, what underflows is less than the margin.
     #[inline(always)]
     fn is_behind(&self, simd: S, [f, g]: [[S::F; 3]; 2], axis: [S::F; 3], [r0, r1]: [S::F; 2]) -> u32 {
         let zero = simd.splat(0.0);
