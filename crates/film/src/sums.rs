@@ -318,7 +318,8 @@ impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
         match Block::of(samples)[..] {
             [block] => self.push(block, sum),
             // It is half of no block.
-            _ => self.blocks = vec![(Block { first: 0, len: 0 }, sum)],
+            _ if self.blocks.is_empty() => self.blocks = vec![(Block { first: 0, len: 0 }, sum)],
+            _ => unreachable!("it is the only one"),
         }
     }
 

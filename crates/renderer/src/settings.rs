@@ -116,7 +116,7 @@ pub enum SampleSums {
     #[default]
     Host,
     /// The device sums the samples of a pixel: 64 bytes are downloaded for any number of them, instead of 16 for each. With [`Settings::part`], for
-    /// each block whose sum the film keeps; with [`Settings::noise`], each time that it decides.
+    /// each block whose sum the film keeps; with [`Settings::noise`], each time that it decides, and for each block of the last samples.
     Device,
 }
 

@@ -61,7 +61,7 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     samples: SampleArgs,
     /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads one sum for each pixel, `auto` is
-    /// `device` on a hardware GPU from five samples on, else `host`. Pictures have the same bits.
+    /// `device` on a hardware GPU where that downloads fewer bytes, else `host`. Pictures have the same bits.
     #[arg(long, help_heading = RENDERING, display_order = 79, default_value = "auto", value_parser = sums(), value_name = "auto|host|device")]
     sums: Sums,
 }

@@ -79,7 +79,7 @@ impl<'a> SampleDispatcher<'a> {
             guides,
             components,
             first_light,
-            // A first dispatch, which includes compilation, is no reason for fewer.
+            // As many as of the picture before: frames differ little, and a dispatch that costs 20 times as much still ends before drivers give it up.
             n_groups: pace.n_groups().max(FIRST).min(n),
             pace: pace.clone(),
             n_exact_rays: 0,
@@ -306,7 +306,8 @@ impl SampleCollector<'_> {
     /// How many of the tiles `numbers` fill a dispatch.
     pub(super) fn n_tiles_per_dispatch(&self, tiling: &Tiling, numbers: &[usize]) -> usize {
         let n_samples = Adaptive::new(self.settings).next.len();
-        let enough = self.dispatcher.n_cells(u32::try_from(n_samples).unwrap_or(u32::MAX));
+        let enough =
+            self.dispatcher.n_cells(u32::try_from(n_samples).unwrap_or(u32::MAX)).min(self.dispatcher.max_cells());
         let mut n_cells = 0;
         let last = numbers.iter().position(|&number| {
             let [width, height] = tiling.size(number).map(|n| n.div_ceil(CELL) as usize);

@@ -80,12 +80,16 @@ const MOST_ROUNDS: u32 = 64;
 /// one sample of 200 x 112 pixels and four: 0.45 and 2.8 s, as streams 1.0 and 2.7 s; llvmpipe, loaded machine, 2026-11-29).
 const SMALL_FRAME: u32 = 1 << 16;
 
-/// Rounds of rays in a frame of more samples; then one kernel traces what is left, so that a frame takes at most 20 dispatches with its rebuild.
+/// Samples of a frame up to which one kernel traces what the first round of rays leaves, so that a frame takes at most 20 dispatches with its rebuild, and two
+/// more where the device sums samples. That kernel decides rays exactly, so in larger frames it would cost more than the dispatches of further rounds.
+const MEDIUM_FRAME: u32 = 1 << 18;
+
+/// Rounds of rays in such a frame.
 const ROUNDS_OF_FRAME: u32 = 1;
 
-/// Whether a frame has so few samples.
-fn is_small(settings: &Settings) -> bool {
-    n_groups(settings).saturating_mul(CELL * CELL) <= SMALL_FRAME
+/// Samples of a picture, those beside its edges included.
+fn n_samples(settings: &Settings) -> u32 {
+    n_groups(settings).saturating_mul(CELL * CELL)
 }
 
 /// How often the samples of a picture are shaded as streams.
@@ -175,7 +179,8 @@ impl<'a> DevicePicture<'a> {
         frames: &'a mut DeviceFrames,
     ) -> Result<Self, DeviceError> {
         let pace = frames.pace();
-        let wanted = Wanted { streams: !is_small(settings), few_rounds: Some(ROUNDS_OF_FRAME) };
+        let n = n_samples(settings);
+        let wanted = Wanted { streams: n > SMALL_FRAME, few_rounds: (n <= MEDIUM_FRAME).then_some(ROUNDS_OF_FRAME) };
         let made =
             Self::made(gpu, surfaces, bvh, (camera, settings), wanted, |scene| traced_frame(gpu, scene, bvh, frames))?;
         Ok(Self { pace, ..made })
