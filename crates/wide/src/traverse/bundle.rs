@@ -73,13 +73,13 @@ impl<S: Simd> Bundle<S> {
         let [_, _, [least, greatest]] = self.origin;
         let z = [simd.sub(vertex(2), greatest), simd.sub(vertex(2), least)];
         let mut hull = [[z[0]; 2]; 2];
-        for k in 0..2 {
+        for (k, ends) in hull.iter_mut().enumerate() {
             let ([least, greatest], [low, high]) = (self.origin[k], self.shear[k]);
             let (a, b) = (simd.mul(low, z[0]), simd.mul(low, z[1]));
             let (c, d) = (simd.mul(high, z[0]), simd.mul(high, z[1]));
             let most = simd.max(simd.max(a, b), simd.max(c, d));
             let fewest = simd.min(simd.min(a, b), simd.min(c, d));
-            hull[k] = [simd.sub(simd.sub(vertex(k), greatest), most), simd.sub(simd.sub(vertex(k), least), fewest)];
+            *ends = [simd.sub(simd.sub(vertex(k), greatest), most), simd.sub(simd.sub(vertex(k), least), fewest)];
         }
         hull
     }
