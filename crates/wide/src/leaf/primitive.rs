@@ -71,8 +71,11 @@ pub struct PrimitiveHit {
 ///     }
 /// }
 ///
-/// let disks = (0..100u8) .map(|i| Disk { center: [f32::from(i), 0.0, 0.0], a: [0.5, 0.5, 0.0], b: [0.0, 0.0, 0.5f32.sqrt()] }) .collect();
-/// let bvh = WideBvh::over(disks)?; let hit = bvh.closest_hit(&Ray::new([7.25, 3.0, 0.0], [0.0, -1.0, 0.0])).expect("the ray hits a disk");
+/// let disks = (0..100u8)
+///     .map(|i| Disk { center: [f32::from(i), 0.0, 0.0], a: [0.5, 0.5, 0.0], b: [0.0, 0.0, 0.5f32.sqrt()] })
+///     .collect();
+/// let bvh = WideBvh::over(disks)?;
+/// let hit = bvh.closest_hit(&Ray::new([7.25, 3.0, 0.0], [0.0, -1.0, 0.0])).expect("the ray hits a disk");
 /// assert_eq!((hit.primitive.0, hit.t), (7, 2.75));
 /// # Ok::<(), canted_wide::PrimitiveError>(())
 /// ```
