@@ -13,9 +13,11 @@ use crate::rounding::nearest;
 /// ```
 /// use canted_trace::{Ray, RoundSegment, ScaledRay};
 ///
-/// let segment = RoundSegment { ends: [[0.0; 3], [4.0, 0.0, 0.0]], radii: [1.0, 0.0] }; let ray = ScaledRay::new(&Ray::new([0.0, 0.0, 5.0],
-/// [0.0, 0.0, -1.0])).expect("a valid ray"); let [entry, exit] = segment.span_scaled(&ray).expect("the ray passes through the first ball");
-/// assert!((entry.t - 4.0).abs() < 0.04 && (exit.t - 6.0).abs() < 0.04); assert!(entry.u < 0.01);
+/// let segment = RoundSegment { ends: [[0.0; 3], [4.0, 0.0, 0.0]], radii: [1.0, 0.0] };
+/// let ray = ScaledRay::new(&Ray::new([0.0, 0.0, 5.0], [0.0, 0.0, -1.0])).expect("a valid ray");
+/// let [entry, exit] = segment.span_scaled(&ray).expect("the ray passes through the first ball");
+/// assert!((entry.t - 4.0).abs() < 0.04 && (exit.t - 6.0).abs() < 0.04);
+/// assert!(entry.u < 0.01);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundSegment {
