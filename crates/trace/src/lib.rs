@@ -98,7 +98,7 @@ pub use overlaps::Overlaps;
 #[doc(hidden)]
 pub use overlaps::forms;
 #[doc(hidden)]
-pub use placed::{ObjectMap, ObjectRay, PlacedRay, WorldRay};
+pub use placed::{Arrays, F64x4, ObjectMap, ObjectRay, PlacedRay, WorldRay};
 pub use quadrics::{Cone, Disk, Ellipsoid};
 pub use query::{Accept, Counts, Mapped, Query};
 pub use ray::{Ray, ScaledRay};

@@ -60,54 +60,100 @@ impl ObjectMap {
         Affine::from_rows(self.rows)
     }
 
-    /// The origin and the direction of a ray in object space.
+    /// The origin and the direction of a ray in object space, each as its z, x, y and a number that is not used.
     ///
     /// The columns of the inverse are cross products of the rows of the map, over its determinant: the same products and differences as those of its
-    /// rows, so the same bits. Lanes are independent, so that the compiler may use vectors of any width; the last is not used.
+    /// rows, so the same bits.
     #[inline(always)]
-    fn inverse_of(&self, origin: [f32; 3], direction: [f32; 3]) -> [[f64; 3]; 2] {
-        let [x, y, z] = [lanes(&self.rows[0]), lanes(&self.rows[1]), lanes(&self.rows[2])];
-        let s = self.reciprocal;
-        let (a, b, c) = (times(crossed(y, z), s), times(crossed(z, x), s), times(crossed(x, y), s));
-        let shift = linear(a, b, c, [x[3], y[3], z[3]]);
-        let [ox, oy, oz] = origin;
-        let o = linear(a, b, c, [f64::from(ox), f64::from(oy), f64::from(oz)]);
-        let [dx, dy, dz] = direction;
-        let d = linear(a, b, c, [f64::from(dx), f64::from(dy), f64::from(dz)]);
-        [[o[0] - shift[0], o[1] - shift[1], o[2] - shift[2]], [d[0], d[1], d[2]]]
+    fn inverse_of<L: F64x4>(&self, lanes: L, origin: [f32; 3], direction: [f32; 3]) -> [L::V; 2] {
+        let [[.., x_w], [.., y_w], [.., z_w]] = self.rows;
+        let rows = [lanes.widen(&self.rows[0]), lanes.widen(&self.rows[1]), lanes.widen(&self.rows[2])];
+        let [x, y, z] =
+            [(rows[0], lanes.rotate(rows[0])), (rows[1], lanes.rotate(rows[1])), (rows[2], lanes.rotate(rows[2]))];
+        let s = lanes.splat(self.reciprocal);
+        let columns = [
+            lanes.mul(crossed(lanes, y, z), s),
+            lanes.mul(crossed(lanes, z, x), s),
+            lanes.mul(crossed(lanes, x, y), s),
+        ];
+        let shift = linear(lanes, columns, [x_w, y_w, z_w]);
+        [lanes.sub(linear(lanes, columns, origin), shift), linear(lanes, columns, direction)]
     }
 }
 
+/// Four lanes of `f64`, with the instructions of a traversal. Every operation rounds as IEEE 754 requires, so results are the same bits with any.
+pub trait F64x4: Copy {
+    /// Four numbers.
+    type V: Copy;
+    /// Numbers from memory.
+    fn widen(self, x: &[f32; 4]) -> Self::V;
+    /// `x` in every lane.
+    fn splat(self, x: f64) -> Self::V;
+    /// `a + b`.
+    fn add(self, a: Self::V, b: Self::V) -> Self::V;
+    /// `a - b`.
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V;
+    /// `a · b`.
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V;
+    /// Lanes 1, 2, 0 and 3.
+    fn rotate(self, a: Self::V) -> Self::V;
+    /// The lanes.
+    fn store(self, a: Self::V) -> [f64; 4];
+    /// The lanes, each rounded to nearest.
+    fn narrow(self, a: Self::V) -> [f32; 4];
+}
+
+/// [`F64x4`] in plain Rust.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrays;
+
+impl F64x4 for Arrays {
+    type V = [f64; 4];
+
+    #[inline(always)]
+    fn widen(self, &[x, y, z, w]: &[f32; 4]) -> [f64; 4] {
+        [f64::from(x), f64::from(y), f64::from(z), f64::from(w)]
+    }
+    #[inline(always)]
+    fn splat(self, x: f64) -> [f64; 4] {
+        [x; 4]
+    }
+    #[inline(always)]
+    fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
+    }
+    #[inline(always)]
+    fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
+    }
+    #[inline(always)]
+    fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
+    }
+    #[inline(always)]
+    fn rotate(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
+        [y, z, x, w]
+    }
+    #[inline(always)]
+    fn store(self, a: [f64; 4]) -> [f64; 4] {
+        a
+    }
+    #[inline(always)]
+    fn narrow(self, [x, y, z, w]: [f64; 4]) -> [f32; 4] {
+        [x as f32, y as f32, z as f32, w as f32]
+    }
+}
+
+/// The cross product of two rows, each with its rotated one, as z, x, y.
 #[inline(always)]
-fn lanes([x, y, z, w]: &[f32; 4]) -> [f64; 4] {
-    [f64::from(*x), f64::from(*y), f64::from(*z), f64::from(*w)]
+fn crossed<L: F64x4>(lanes: L, (p, p_rotated): (L::V, L::V), (q, q_rotated): (L::V, L::V)) -> L::V {
+    lanes.sub(lanes.mul(p, q_rotated), lanes.mul(p_rotated, q))
 }
 
 #[inline(always)]
-fn crossed(p: [f64; 4], q: [f64; 4]) -> [f64; 4] {
-    let (p_1, q_2) = ([p[1], p[2], p[0], p[3]], [q[2], q[0], q[1], q[3]]);
-    let (p_2, q_1) = ([p[2], p[0], p[1], p[3]], [q[1], q[2], q[0], q[3]]);
-    [
-        p_1[0] * q_2[0] - p_2[0] * q_1[0],
-        p_1[1] * q_2[1] - p_2[1] * q_1[1],
-        p_1[2] * q_2[2] - p_2[2] * q_1[2],
-        p_1[3] * q_2[3] - p_2[3] * q_1[3],
-    ]
-}
-
-#[inline(always)]
-fn times(v: [f64; 4], s: f64) -> [f64; 4] {
-    [v[0] * s, v[1] * s, v[2] * s, v[3] * s]
-}
-
-#[inline(always)]
-fn linear(a: [f64; 4], b: [f64; 4], c: [f64; 4], v: [f64; 3]) -> [f64; 4] {
-    [
-        (a[0] * v[0] + b[0] * v[1]) + c[0] * v[2],
-        (a[1] * v[0] + b[1] * v[1]) + c[1] * v[2],
-        (a[2] * v[0] + b[2] * v[1]) + c[2] * v[2],
-        (a[3] * v[0] + b[3] * v[1]) + c[3] * v[2],
-    ]
+fn linear<L: F64x4>(lanes: L, [a, b, c]: [L::V; 3], [x, y, z]: [f32; 3]) -> L::V {
+    let (x, y, z) = (lanes.splat(x.into()), lanes.splat(y.into()), lanes.splat(z.into()));
+    lanes.add(lanes.add(lanes.mul(a, x), lanes.mul(b, y)), lanes.mul(c, z))
 }
 
 /// A world-space ray whose direction is scaled by a power of two; `t` is scaled, and exact.
@@ -144,11 +190,23 @@ impl<'a> WorldRay<'a> {
     #[must_use]
     pub fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
         let [dx, dy, dz] = direction;
-        let to_object = power_below_rounded(greatest([dx.abs(), dy.abs(), dz.abs()]));
+        let to_object = object_power(direction);
         let to_world = reciprocal_of_power(to_object);
         let [x, y, z] = origin;
         let origin = [x as f32, y as f32, z as f32];
         let direction = [(dx * to_world) as f32, (dy * to_world) as f32, (dz * to_world) as f32];
+        self.rounded_in_object((origin, direction), to_object, t_max)
+    }
+
+    /// [`WorldRay::in_object`] of what was rounded, with the direction over the power of two.
+    #[inline(always)]
+    fn rounded_in_object(
+        &self,
+        (origin, direction): ([f32; 3], [f32; 3]),
+        to_object: f64,
+        t_max: f64,
+    ) -> Option<ObjectRay> {
+        let to_world = reciprocal_of_power(to_object);
         // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval. Most rays start at zero.
         let t_min = if self.t_min == 0.0 { 0.0 } else { magnitude_up(self.t_min * to_object) };
         let t_max = magnitude_down(t_max * to_object);
@@ -169,6 +227,12 @@ impl<'a> WorldRay<'a> {
     pub fn caller_t(&self, scaled_t: f64) -> f32 {
         (scaled_t * self.from_scaled) as f32
     }
+}
+
+/// The power of two of a direction in object space: that of its greatest component once rounded.
+#[inline(always)]
+fn object_power([x, y, z]: [f64; 3]) -> f64 {
+    power_below_rounded(greatest([x.abs(), y.abs(), z.abs()]))
 }
 
 /// The power of two at or below a positive normal number once that is rounded to the digits of an `f32`.
@@ -197,9 +261,20 @@ impl PlacedRay<'_> {
     #[inline(always)]
     #[must_use]
     pub fn object(&self) -> Option<ObjectRay> {
-        let ScaledRay { origin, direction, .. } = self.world.ray;
-        let [origin, direction] = self.map.inverse_of(*origin, *direction);
-        self.world.in_object(origin, direction, self.t_max)
+        self.object_by(Arrays)
+    }
+
+    /// [`PlacedRay::object`], computed by these lanes.
+    #[inline(always)]
+    #[must_use]
+    pub fn object_by<L: F64x4>(&self, lanes: L) -> Option<ObjectRay> {
+        let &ScaledRay { origin, direction, .. } = self.world.ray;
+        let [origin, direction] = self.map.inverse_of(lanes, origin, direction);
+        let [z, x, y, _] = lanes.store(direction);
+        let to_object = object_power([x, y, z]);
+        let direction = lanes.mul(direction, lanes.splat(reciprocal_of_power(to_object)));
+        let ([oz, ox, oy, _], [dz, dx, dy, _]) = (lanes.narrow(origin), lanes.narrow(direction));
+        self.world.rounded_in_object(([ox, oy, oz], [dx, dy, dz]), to_object, self.t_max)
     }
 }
 

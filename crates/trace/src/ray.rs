@@ -86,8 +86,9 @@ pub struct ScaledRay {
     pub time: f32,
     /// Mask of the ray.
     pub mask: u32,
-    /// The caller's interval.
-    interval: [f32; 2],
+    /// The bits of both ends of the caller's interval, the second above. One number: compilers read two as one, which waits where each has just been
+    /// written for itself.
+    interval: u64,
     /// Scaled `t` over `t`: an exact power of two.
     to_scaled: f64,
 }
@@ -130,7 +131,8 @@ impl ScaledRay {
             by_f64(direction, interval, to_scaled)
         };
         // No f32 lies between both ends where they underflow.
-        (t_min <= t_max).then_some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled })
+        let scaled = Ray { origin, direction, t_min, t_max, time, mask };
+        (t_min <= t_max).then_some(Self::from_parts(&scaled, interval, to_scaled))
     }
 
     /// Scaled `t` over `t` of the original ray: a power of two from 2^-149 to 2^127.
@@ -142,10 +144,11 @@ impl ScaledRay {
 
     /// A ray from what [`ScaledRay::new`] computes: a scaled ray, the interval before it was scaled, and the power of two.
     #[doc(hidden)]
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn from_parts(scaled: &Ray, interval: [f32; 2], to_scaled: f64) -> Self {
+    pub fn from_parts(scaled: &Ray, [start, end]: [f32; 2], to_scaled: f64) -> Self {
         let &Ray { origin, direction, t_min, t_max, time, mask } = scaled;
+        let interval = u64::from(start.to_bits()) | u64::from(end.to_bits()) << 32;
         Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled }
     }
 
@@ -154,7 +157,7 @@ impl ScaledRay {
     #[must_use]
     pub fn exact_interval(&self) -> [f64; 2] {
         // Not by `map`, which may be a call that writes both to memory.
-        let [start, end] = self.interval;
+        let (start, end) = (f32::from_bits(self.interval as u32), f32::from_bits((self.interval >> 32) as u32));
         [f64::from(start) * self.to_scaled, f64::from(end) * self.to_scaled]
     }
 

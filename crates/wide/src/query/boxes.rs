@@ -66,15 +66,20 @@ impl WideBvh<Aabb> {
     /// `visit` gets the scaled `t_max` and returns the new one; a negative value ends the traversal. A box is entered no later than any
     /// hit that lies within `error` of it in each coordinate, in units of the space, and while that is `<= t_max`: so ties do not
     /// depend on the BVH. `stack` has at least [`Intersect::stack_len`](canted_trace::Intersect::stack_len) entries.
+    #[inline]
     pub fn traverse_scaled(
         &self,
         ray: &ScaledRay,
         error: f64,
         order: Order,
         stack: &mut [u64],
-        visit: &mut dyn FnMut(PrimId, f32) -> f32,
+        visit: &mut (impl FnMut(PrimId, f32) -> f32 + ?Sized),
     ) -> u32 {
-        self.path.run(TraverseBoxes { bvh: self, ray, error, order, stack, visit }).n_boxes()
+        let visits = match order {
+            Order::Nearest => self.path.run(TraverseBoxes::<_, true> { bvh: self, ray, error, stack, visit }),
+            Order::Any => self.path.run(TraverseBoxes::<_, false> { bvh: self, ray, error, stack, visit }),
+        };
+        visits.n_boxes()
     }
 }
 
@@ -107,9 +112,15 @@ impl WideBvh<Aabb> {
         (prepared, i, t_max): (&PreparedRays, usize, f32),
         order: Order,
         stack: &mut [u64],
-        visit: &mut dyn FnMut(PrimId, f32) -> f32,
+        visit: &mut impl FnMut(PrimId, f32) -> f32,
     ) -> u32 {
-        self.path.run(TraversePrepared { bvh: self, prepared, i, t_max, order, stack, visit }).n_boxes()
+        let visits = match order {
+            Order::Nearest => {
+                self.path.run(TraversePrepared::<_, true> { bvh: self, prepared, i, t_max, stack, visit })
+            }
+            Order::Any => self.path.run(TraversePrepared::<_, false> { bvh: self, prepared, i, t_max, stack, visit }),
+        };
+        visits.n_boxes()
     }
 }
 
@@ -194,93 +205,84 @@ impl Task for PrepareRays<'_> {
     }
 }
 
-struct TraversePrepared<'a> {
+struct TraversePrepared<'a, V, const ORDERED: bool> {
     bvh: &'a WideBvh<Aabb>,
     prepared: &'a PreparedRays,
     i: usize,
     t_max: f32,
-    order: Order,
     stack: &'a mut [u64],
-    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+    visit: &'a mut V,
 }
 
-impl Task for TraversePrepared<'_> {
+impl<V: FnMut(PrimId, f32) -> f32, const ORDERED: bool> Task for TraversePrepared<'_, V, ORDERED> {
     type Output = Visits;
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
-        let Self { bvh, prepared, i, t_max, order, stack, visit } = self;
-        visit_leaves(simd, (&bvh.nodes, &bvh.leaves.order), (&prepared.numbers(i), t_max), order, stack, visit)
+        let Self { bvh, prepared, i, t_max, stack, visit } = self;
+        visit_leaves::<S, V, ORDERED>(
+            simd,
+            (&bvh.nodes, &bvh.leaves.order),
+            (&prepared.numbers(i), t_max),
+            stack,
+            visit,
+        )
     }
 }
 
 /// [`WideBvh::traverse_scaled`]: the ray is prepared with the instructions of the path.
-struct TraverseBoxes<'a> {
+struct TraverseBoxes<'a, V: ?Sized, const ORDERED: bool> {
     bvh: &'a WideBvh<Aabb>,
     ray: &'a ScaledRay,
     error: f64,
-    order: Order,
     stack: &'a mut [u64],
-    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+    visit: &'a mut V,
 }
 
-impl Task for TraverseBoxes<'_> {
+impl<V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool> Task for TraverseBoxes<'_, V, ORDERED> {
     type Output = Visits;
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
-        let Self { bvh, ray, error, order, stack, visit } = self;
+        let Self { bvh, ray, error, stack, visit } = self;
         let numbers = RayNumbers::within(simd, ray, &bvh.frame, error);
-        visit_leaves(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), order, stack, visit)
+        visit_leaves::<S, V, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), stack, visit)
     }
 }
 
 /// Calls `visit` with the ids of each leaf that a ray enters. Must be inlined, like all callers of [`Simd`].
 #[inline(always)]
-fn visit_leaves<S: Simd>(
+fn visit_leaves<S: Simd, V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool>(
     simd: S,
     (nodes, ids): (&Nodes, &[PrimId]),
     (numbers, t_max): (&RayNumbers<f32>, f32),
-    order: Order,
     stack: &mut [u64],
-    visit: &mut dyn FnMut(PrimId, f32) -> f32,
+    visit: &mut V,
 ) -> Visits {
     let mut called = CalledForIds { ids, visit, visits: Visits::default() };
-    match order {
-        Order::Nearest => walk::<S, _, true>(simd, nodes, numbers, t_max, stack, &mut called),
-        Order::Any => walk::<S, _, false>(simd, nodes, numbers, t_max, stack, &mut called),
-    }
+    walk::<S, _, ORDERED>(simd, nodes, numbers, t_max, stack, &mut called);
     called.visits
 }
 
-/// Calls `visit` with each of `ids` until it returns a negative number; the last number.
-#[inline(always)]
-fn visit_each(ids: &[PrimId], mut t_max: f32, visit: &mut dyn FnMut(PrimId, f32) -> f32) -> f32 {
-    for &id in ids {
-        t_max = visit(id, t_max);
-        if t_max < 0.0 {
-            break;
-        }
-    }
-    t_max
-}
-
 /// Calls a function for each primitive of a leaf.
-struct CalledForIds<'a> {
+struct CalledForIds<'a, V: ?Sized> {
     ids: &'a [PrimId],
-    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+    visit: &'a mut V,
     visits: Visits,
 }
 
-impl Visitor for CalledForIds<'_> {
+impl<V: FnMut(PrimId, f32) -> f32 + ?Sized> Visitor for CalledForIds<'_, V> {
     #[inline(always)]
-    fn leaf(&mut self, LeafRange { first, n, t_max }: LeafRange) -> f32 {
+    fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
-        if self.ids.is_empty() {
-            // The boxes are taken out.
-            return (self.visit)(PrimId(first), t_max);
+        for place in first..first + n {
+            // Where the boxes are taken out, the word names the id.
+            t_max = (self.visit)(self.ids.get(place as usize).copied().unwrap_or(PrimId(place)), t_max);
+            if t_max < 0.0 {
+                break;
+            }
         }
-        visit_each(&self.ids[first as usize..(first + n) as usize], t_max, self.visit)
+        t_max
     }
 
     #[inline(always)]

@@ -230,7 +230,7 @@ impl Task for PlacedClosest<'_> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Option<(f64, Hit)> {
-        let object = self.ray.object()?;
+        let object = self.ray.object_by(simd.four())?;
         let mut query = ();
         let mut best = BestHit::<true>::new(&mut query);
         pass_plain(simd, self.bvh, &object.ray, self.stack, &mut best);
@@ -251,7 +251,7 @@ impl Task for PlacedOccluded<'_> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> bool {
-        let Some(object) = self.ray.object() else { return false };
+        let Some(object) = self.ray.object_by(simd.four()) else { return false };
         let mut query = ();
         let mut any = AnyHit::<true>::new(&mut query);
         pass_plain(simd, self.bvh, &object.ray, self.stack, &mut any);

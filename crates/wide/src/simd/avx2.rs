@@ -2,12 +2,16 @@
 #![expect(unsafe_code, reason = "intrinsics; each block says why it is sound")]
 
 use std::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
-    _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps,
-    _mm256_insertf128_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
-    _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_storeu_ps, _mm256_sub_ps,
-    _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps, _mm256_zextps128_ps256,
+    __m256, __m256d, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm_storeu_ps, _mm256_add_pd, _mm256_add_ps, _mm256_and_ps,
+    _mm256_andnot_ps, _mm256_blendv_ps, _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_cvtpd_ps, _mm256_cvtps_pd,
+    _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_insertf128_ps, _mm256_loadu_ps,
+    _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_pd, _mm256_mul_ps, _mm256_permute2f128_ps,
+    _mm256_permute4x64_pd, _mm256_set1_pd, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_storeu_pd,
+    _mm256_storeu_ps, _mm256_sub_pd, _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps,
+    _mm256_zextps128_ps256,
 };
+
+use canted_trace::F64x4;
 
 use super::{Simd, Task};
 
@@ -44,8 +48,58 @@ macro_rules! lanes {
     )*};
 }
 
+impl F64x4 for Avx2 {
+    type V = __m256d;
+
+    #[inline(always)]
+    fn widen(self, x: &[f32; 4]) -> __m256d {
+        // SAFETY: the token proves AVX, and the array holds four lanes.
+        unsafe { _mm256_cvtps_pd(_mm_loadu_ps(x.as_ptr())) }
+    }
+    #[inline(always)]
+    fn splat(self, x: f64) -> __m256d {
+        // SAFETY: the token proves AVX.
+        unsafe { _mm256_set1_pd(x) }
+    }
+    #[inline(always)]
+    fn add(self, a: __m256d, b: __m256d) -> __m256d {
+        // SAFETY: the token proves AVX.
+        unsafe { _mm256_add_pd(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: __m256d, b: __m256d) -> __m256d {
+        // SAFETY: the token proves AVX.
+        unsafe { _mm256_sub_pd(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: __m256d, b: __m256d) -> __m256d {
+        // SAFETY: the token proves AVX.
+        unsafe { _mm256_mul_pd(a, b) }
+    }
+    #[inline(always)]
+    fn rotate(self, a: __m256d) -> __m256d {
+        // SAFETY: the token proves AVX2.
+        unsafe { _mm256_permute4x64_pd::<0b11_00_10_01>(a) }
+    }
+    #[inline(always)]
+    fn store(self, a: __m256d) -> [f64; 4] {
+        let mut out = [0.0; 4];
+        // SAFETY: the token proves AVX, and the array holds four lanes.
+        unsafe { _mm256_storeu_pd(out.as_mut_ptr(), a) };
+        out
+    }
+    #[inline(always)]
+    fn narrow(self, a: __m256d) -> [f32; 4] {
+        let mut out = [0.0; 4];
+        // SAFETY: the token proves AVX, and the array holds four lanes.
+        unsafe { _mm_storeu_ps(out.as_mut_ptr(), _mm256_cvtpd_ps(a)) };
+        out
+    }
+}
+
 impl Simd for Avx2 {
     type F = __m256;
+    type Four = Self;
 
     lanes! {
         fn add(a, b) = _mm256_add_ps(a, b);
@@ -64,6 +118,10 @@ impl Simd for Avx2 {
         fn xor_sign(a, b) = _mm256_xor_ps(a, _mm256_and_ps(b, _mm256_set1_ps(-0.0)));
     }
 
+    #[inline(always)]
+    fn four(self) -> Self {
+        self
+    }
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
         // SAFETY: the token was made where the features were detected.

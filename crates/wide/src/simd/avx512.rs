@@ -40,6 +40,7 @@ macro_rules! as_avx2 {
 
 impl Simd for Avx512 {
     type F = __m256;
+    type Four = Avx2;
 
     as_avx2! {
         fn splat(x: f32) -> __m256;
@@ -64,6 +65,10 @@ impl Simd for Avx512 {
         fn xor_sign(a: __m256, b: __m256) -> __m256;
     }
 
+    #[inline(always)]
+    fn four(self) -> Avx2 {
+        self.0
+    }
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
         // SAFETY: the token was made where the features were detected.

@@ -18,6 +18,8 @@ mod simd128;
 #[cfg(test)]
 mod tests;
 
+use canted_trace::F64x4;
+
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
@@ -45,9 +47,13 @@ pub(crate) trait Task {
 pub(crate) trait Simd: Copy {
     /// Eight lanes.
     type F: Copy;
+    /// Instructions for four lanes of `f64`.
+    type Four: F64x4;
 
     /// Runs `task` with the path's instructions enabled.
     fn run<T: Task>(self, task: T) -> T::Output;
+    /// Four lanes of `f64`.
+    fn four(self) -> Self::Four;
     /// `x` in every lane.
     fn splat(self, x: f32) -> Self::F;
     /// Lanes from memory.

@@ -77,6 +77,7 @@ macro_rules! lanes {
 /// Lanes 0 to 3, then 4 to 7. Products and sums are fused: `mul_add` and similar round once.
 impl Simd for Neon {
     type F = float32x4x2_t;
+    type Four = canted_trace::Arrays;
 
     lanes! {
         fn add(a, b) = vaddq_f32(a, b);
@@ -100,6 +101,10 @@ impl Simd for Neon {
         ));
     }
 
+    #[inline(always)]
+    fn four(self) -> canted_trace::Arrays {
+        canted_trace::Arrays
+    }
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
         // SAFETY: the token was made where the feature was detected.

@@ -116,7 +116,7 @@ impl AvailablePath {
     }
 
     /// Runs `task` on this path.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn run<T: super::Task>(self, task: T) -> T::Output {
         use super::Simd;
         match self {

@@ -24,6 +24,7 @@ macro_rules! lanes {
 
 impl Simd for Scalar {
     type F = [f32; 8];
+    type Four = canted_trace::Arrays;
 
     lanes! {
         fn add(a, b) = a + b;
@@ -42,6 +43,10 @@ impl Simd for Scalar {
         fn xor_sign(a, b) = f32::from_bits(a.to_bits() ^ (b.to_bits() & 0x8000_0000));
     }
 
+    #[inline(always)]
+    fn four(self) -> canted_trace::Arrays {
+        canted_trace::Arrays
+    }
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
         task.on(self)

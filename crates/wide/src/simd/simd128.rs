@@ -53,6 +53,7 @@ fn to_array(a: v128) -> [f32; 4] {
 /// Products and sums are rounded one by one.
 impl Simd for Simd128 {
     type F = Lanes;
+    type Four = canted_trace::Arrays;
 
     lanes! {
         fn add(a, b) = f32x4_add(a, b);
@@ -72,6 +73,10 @@ impl Simd for Simd128 {
         fn xor_sign(a, b) = v128_xor(a, v128_and(b, u32x4_splat(1 << 31)));
     }
 
+    #[inline(always)]
+    fn four(self) -> canted_trace::Arrays {
+        canted_trace::Arrays
+    }
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
         task.on(self)

@@ -1,3 +1,7 @@
+use canted_fixtures::SplitMix64;
+use canted_obb::Affine;
+use canted_trace::{Arrays, F64x4, ObjectMap, PlacedRay, Ray, ScaledRay, WorldRay};
+
 use super::{Scalar, Simd, SimdPath, Task};
 
 /// Eight lanes of bits, by the operation that gave them.
@@ -130,6 +134,123 @@ fn every_operation_gives_the_scalar_twins_bits() {
             }
         }
     }
+}
+
+/// The bits of every operation of four lanes of `f64`.
+struct EveryOfFour([[f32; 4]; 2]);
+
+impl Task for EveryOfFour {
+    type Output = Vec<[u64; 4]>;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Vec<[u64; 4]> {
+        let four = simd.four();
+        let (a, b) = (four.widen(&self.0[0]), four.widen(&self.0[1]));
+        // Digits that narrowing has to round.
+        let third = four.mul(a, four.splat(1.0 / 3.0));
+        let results = [a, third, four.add(third, b), four.sub(third, b), four.mul(third, b), four.rotate(third)];
+        let narrow = [four.narrow(third), four.narrow(b)].map(|x| x.map(|x| u64::from(x.to_bits())));
+        results.map(|x| four.store(x).map(f64::to_bits)).into_iter().chain(narrow).collect()
+    }
+}
+
+#[test]
+fn four_lanes_have_the_bits_of_arrays() {
+    let mut state = 2;
+    for path in paths() {
+        for _ in 0..20_000 {
+            let lanes: [[f32; 4]; 2] = std::array::from_fn(|_| std::array::from_fn(|_| lane(&mut state)));
+            let (got, want) = (path.available().run(EveryOfFour(lanes)), Scalar.run(EveryOfFour(lanes)));
+            for (got, want) in got.iter().flatten().zip(want.iter().flatten()) {
+                let are_nan = |bits: u64| f64::from_bits(bits).is_nan() || f32::from_bits(bits as u32).is_nan();
+                assert!(got == want || are_nan(*got) && are_nan(*want), "{} {lanes:?}", path.name());
+            }
+        }
+    }
+}
+
+/// A ray in the object space of an instance, with the lanes of a path.
+struct InObject<'a>(PlacedRay<'a>);
+
+impl Task for InObject<'_> {
+    type Output = String;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> String {
+        format!("{:?}", self.0.object_by(simd.four()))
+    }
+}
+
+/// Lanes that rotate the other way.
+#[derive(Clone, Copy)]
+struct Backward;
+
+impl F64x4 for Backward {
+    type V = [f64; 4];
+
+    fn widen(self, x: &[f32; 4]) -> [f64; 4] {
+        Arrays.widen(x)
+    }
+    fn splat(self, x: f64) -> [f64; 4] {
+        Arrays.splat(x)
+    }
+    fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Arrays.add(a, b)
+    }
+    fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Arrays.sub(a, b)
+    }
+    fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Arrays.mul(a, b)
+    }
+    fn rotate(self, a: [f64; 4]) -> [f64; 4] {
+        Arrays.rotate(Arrays.rotate(a))
+    }
+    fn store(self, a: [f64; 4]) -> [f64; 4] {
+        a
+    }
+    fn narrow(self, a: [f64; 4]) -> [f32; 4] {
+        Arrays.narrow(a)
+    }
+}
+
+/// The inverse by cofactors in `f64`, number by number, against the lanes of every path: rotated, sheared, mirrored, tiny, huge and far instances.
+#[test]
+fn rays_enter_instances_with_the_bits_of_plain_numbers() {
+    let mut rng = SplitMix64::new(5);
+    let (mut n_entering, mut n_wrong) = (0, 0);
+    for round in 0..6000 {
+        let (scale, far) = ([1.0, 1e-3, 1e6, 1e-9][round % 4], [0.0, 1.0, 1e7][round / 4 % 3]);
+        let column = |of: [f64; 3], scale: f64| of.map(|x| (scale * x) as f32);
+        let axes = [0; 3].map(|_| column(rng.signed3(), scale));
+        let map = Affine { columns: [axes[0], axes[1], axes[2], column(rng.signed3(), far)] };
+        let direction = rng.signed3().map(|x| x as f32);
+        let origin = column(rng.signed3(), if round % 5 == 0 { far } else { 3.0 });
+        let Some(ray) = ScaledRay::new(&Ray::new(origin, direction).between(0.0, 1e3)) else { continue };
+        let (world, map) = (WorldRay::new(&ray), ObjectMap::new(&map));
+        let placed = PlacedRay { world: &world, map: &map, t_max: world.t_max };
+        let want = in_object(&world, &map);
+        n_entering += usize::from(want != "None");
+        n_wrong += usize::from(format!("{:?}", placed.object_by(Backward)) != want);
+        for path in paths() {
+            assert_eq!(path.available().run(InObject(placed)), want, "{} {map:?} {ray:?}", path.name());
+        }
+    }
+    assert!(n_entering > 5000 && n_wrong > 5000, "{n_entering} enter, {n_wrong} wrong ones seen");
+}
+
+/// The ray in object space by the rows of the inverse.
+fn in_object(world: &WorldRay<'_>, map: &ObjectMap) -> String {
+    let [a, b, c, shift] = map.world_from_object().columns.map(|column| column.map(f64::from));
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let dot = |a: [f64; 3], b: [f64; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
+    let s = 1.0 / dot(a, cross(b, c));
+    let rows = [cross(b, c), cross(c, a), cross(a, b)].map(|row| row.map(|x| x * s));
+    let ScaledRay { origin, direction, .. } = *world.ray;
+    let along = |v: [f64; 3]| rows.map(|row| dot(row, v));
+    let ([x, y, z], [sx, sy, sz]) = (along(origin.map(f64::from)), along(shift));
+    format!("{:?}", world.in_object([x - sx, y - sy, z - sz], along(direction.map(f64::from)), world.t_max))
 }
 
 /// Most machines compile only some of the paths.
