@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Obb, eigen};
 use canted_trace::{ReferencePoint, Slabs};
 
 use crate::build::frames::{Fitted, ScaledShape, ScaledTriangle};
-use crate::leaf::{Placed, Primitive, extents_within};
+use crate::leaf::{Bounded, Placed, extents_within};
 use crate::par;
 
 /// Items of one job.
@@ -127,8 +127,8 @@ impl Item for Corners {
     }
 }
 
-impl<'a, P: Primitive> Item for Placed<'a, P> {
-    type Fitted = ScaledShape<'a, P>;
+impl<'a> Item for Placed<'a> {
+    type Fitted = ScaledShape<'a>;
 
     fn moved(self, reference: ReferencePoint) -> Self {
         Self { reference, ..self }
@@ -139,7 +139,7 @@ impl<'a, P: Primitive> Item for Placed<'a, P> {
     }
 
     fn slabs(items: &[Self], rows: [[f32; 3]; 3]) -> Slabs {
-        let [lo, hi] = extents_within(&rows, items.iter().copied());
+        let [lo, hi] = extents_within(&rows, items);
         Slabs { rows, lo, hi }
     }
 
@@ -156,13 +156,13 @@ impl<'a, P: Primitive> Item for Placed<'a, P> {
         x * y + y * z + z * x
     }
 
-    fn fitted(items: &[Self], scale: f32) -> Vec<ScaledShape<'a, P>> {
+    fn fitted(items: &[Self], scale: f32) -> Vec<ScaledShape<'a>> {
         items.iter().map(|&placed| ScaledShape { placed, scale }).collect()
     }
 }
 
 /// The principal axes of a primitive, and its extents along them.
-fn principal_box<P: Primitive>(primitive: &P) -> ([[f32; 3]; 3], [f64; 3]) {
+fn principal_box(primitive: &dyn Bounded) -> ([[f32; 3]; 3], [f64; 3]) {
     let moments = primitive.moments();
     let [_, xy, xz, _, yz, _] = moments.scatter;
     if [xy, xz, yz] == [0.0; 3] {
@@ -172,6 +172,6 @@ fn principal_box<P: Primitive>(primitive: &P) -> ([[f32; 3]; 3], [f64; 3]) {
     }
     let axes = moments.axes(eigen::COARSE);
     let rows = if axes.as_flattened().iter().all(|x| x.is_finite()) { axes } else { Obb::IDENTITY_FRAME };
-    let [lo, hi] = extents_within(&rows, [Placed::given(primitive)]);
+    let [lo, hi] = extents_within(&rows, &[Placed::given(primitive)]);
     (rows, std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0)))
 }

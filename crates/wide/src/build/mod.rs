@@ -27,7 +27,7 @@ use crate::build::layout::{Source, TooLarge, layout};
 use crate::build::subtrees::SubtreeReaches;
 use crate::bvh::{PredictedCost, TriangleBvh, WideBvh};
 use crate::config::{Baseline, Config, Costs};
-use crate::leaf::{Blocks, LeafPrimitive, Placed, Primitive, Shapes};
+use crate::leaf::{Blocks, LeafPrimitive, Placed, Primitive, Primitives, Shapes};
 use crate::node::{HalfBlock, LeafLayout, Limits, NodeKind, Nodes, Records};
 use crate::par;
 use crate::simd::AvailablePath;
@@ -199,9 +199,8 @@ impl<P: Primitive> WideBvh<P> {
 
     /// As [`WideBvh::over_with`], with smaller limits.
     pub(crate) fn over_within(limits: &Limits, primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
-        let n_primitives = primitives.len();
-        if n_primitives > limits.n_parts {
-            return Err(PrimitiveError::TooMany { n_primitives });
+        if primitives.len() > limits.n_parts {
+            return Err(PrimitiveError::TooMany { n_primitives: primitives.len() });
         }
         let bounds = bounds_of(&primitives)?;
         let Costs { max_leaf, leaf, block, .. } = config.costs;
@@ -209,20 +208,14 @@ impl<P: Primitive> WideBvh<P> {
         let costs = Costs { max_leaf: max_leaf.min(P::MAX_LEAF), leaf, block: block * P::COST, ..config.costs };
         let config = Config { costs, ..*config }.usable();
         let reference = reference_of(&primitives);
-        let place = |i: usize| Placed { primitive: &primitives[i], reference };
-        let items = Items::Made(n_primitives, &place);
-        let mut chosen = binary::choose(items, &reference.moved_box(&bounds), &config);
-        let tables = std::mem::take(&mut chosen.aligned_tables);
-        let ids = chosen.primitives();
-        let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
-        let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
-        let (nodes, order, predicted) = collapse(&chosen, tables, &config.costs, P::ERROR, limits, &leaves)
-            .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
-        let (frame, costs) = (MeshFrame::new(chosen.rows, reference), config.costs);
-        drop(chosen);
-        let mut leaves = Shapes::new(order, primitives);
-        leaves.sort();
-        Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs }.into())
+        let built = over_primitives(&primitives, (reference, bounds), P::ERROR, &config, limits)?;
+        Ok(built
+            .with(|order| {
+                let mut leaves = Shapes::new(order, primitives);
+                leaves.sort();
+                leaves
+            })
+            .into())
     }
 
     /// The primitives in input order. Their memory has the order of the leaves, until a single one is changed.
@@ -243,6 +236,14 @@ pub(crate) struct Built<L> {
     costs: Costs,
 }
 
+impl<L> Built<L> {
+    /// The same with other leaves.
+    fn with<M>(self, change: impl FnOnce(L) -> M) -> Built<M> {
+        let Self { nodes, leaves, frame, bounds, n_primitives, predicted, costs } = self;
+        Built { nodes, leaves: change(leaves), frame, bounds, n_primitives, predicted, costs }
+    }
+}
+
 impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
     fn from(built: Built<P::Leaves>) -> Self {
         let Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs } = built;
@@ -255,14 +256,18 @@ impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
 ///
 /// # Errors
 /// The first whose bounds are empty or not finite.
-pub(crate) fn bounds_of<P: Primitive>(primitives: &[P]) -> Result<Aabb, PrimitiveError> {
-    let boxes = par::map(primitives, CHUNK, P::bounds);
-    // Negated comparisons would accept NaN.
-    let is_valid = |aabb: &Aabb| (0..3).all(|k| aabb.min[k] <= aabb.max[k]) && aabb.is_finite();
+pub(crate) fn bounds_of(primitives: &dyn Primitives) -> Result<Aabb, PrimitiveError> {
+    let boxes = par::from_fn(primitives.n(), CHUNK, |i| primitives.at(i).bounds());
     match (0..).map(PrimId).zip(&boxes).find(|(_, aabb)| !is_valid(aabb)) {
         Some((primitive, _)) => Err(PrimitiveError::Bounds { primitive }),
         None => Ok(boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))),
     }
+}
+
+/// Whether a primitive may have these bounds.
+pub(crate) fn is_valid(bounds: &Aabb) -> bool {
+    // Negated comparisons would accept NaN.
+    (0..3).all(|k| bounds.min[k] <= bounds.max[k]) && bounds.is_finite()
 }
 
 /// The point that boxes of these primitives are relative to; the origin of their space where their hits have errors relative to it.
@@ -277,6 +282,29 @@ pub(crate) fn reference_of<P: Primitive>(primitives: &[P]) -> ReferencePoint {
 /// The same of triangles.
 pub(crate) fn reference_of_triangles(n: usize, corners: impl Fn(usize) -> Corners) -> ReferencePoint {
     ReferencePoint::near(n, |i| Aabb::from_points(corners(i)))
+}
+
+/// Builds over primitives of any type; leaves are their numbers. `error` is that of hits.
+fn over_primitives(
+    primitives: &dyn Primitives,
+    (reference, bounds): (ReferencePoint, Aabb),
+    error: f32,
+    config: &Config,
+    limits: &Limits,
+) -> Result<Built<Vec<PrimId>>, PrimitiveError> {
+    let n_primitives = primitives.n();
+    let place = |i: usize| Placed { primitive: primitives.at(i), reference };
+    let items = Items::Made(n_primitives, &place);
+    let mut chosen = binary::choose(items, &reference.moved_box(&bounds), config);
+    let tables = std::mem::take(&mut chosen.aligned_tables);
+    let ids = chosen.primitives();
+    let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
+    let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
+    let costs = config.costs;
+    let (nodes, leaves, predicted) = collapse(&chosen, tables, &costs, error, limits, &leaves)
+        .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
+    let frame = MeshFrame::new(chosen.rows, reference);
+    Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs })
 }
 
 /// Builds over indexed triangles.

@@ -19,7 +19,7 @@ use std::fmt;
 
 use canted_obb::PrimId;
 
-use crate::build::{PrimitiveError, bounds_of, reference_of};
+use crate::build::{PrimitiveError, is_valid, reference_of};
 use crate::bvh::WideBvh;
 use crate::leaf::Primitive;
 use crate::node::MAX_PRIMITIVES;
@@ -92,7 +92,7 @@ impl<P: Primitive> WideBvh<P> {
     /// A primitive whose bounds are empty or not finite; more than [`MAX_PRIMITIVES`]. The BVH is then unchanged.
     pub fn insert(&mut self, primitive: P) -> Result<PrimId, PrimitiveError> {
         let id = PrimId(self.n_primitives as u32);
-        self.check(id, &primitive)?;
+        check(id, &primitive)?;
         if self.n_primitives == MAX_PRIMITIVES {
             return Err(PrimitiveError::TooMany { n_primitives: MAX_PRIMITIVES + 1 });
         }
@@ -123,7 +123,7 @@ impl<P: Primitive> WideBvh<P> {
     /// A primitive that does not exist; a new one whose bounds are empty or not finite. The BVH is then unchanged.
     pub fn move_one(&mut self, primitive: PrimId, moved: P) -> Result<P, EditError> {
         self.check_number(primitive)?;
-        self.check(primitive, &moved).map_err(EditError::Primitive)?;
+        check(primitive, &moved).map_err(EditError::Primitive)?;
         let mut tree = Tree::open(self);
         let old = tree.move_one(primitive, moved);
         tree.close();
@@ -135,12 +135,11 @@ impl<P: Primitive> WideBvh<P> {
         let error = EditError::NoSuchPrimitive { primitive, n_primitives };
         if primitive.index() < n_primitives { Ok(()) } else { Err(error) }
     }
+}
 
-    /// Whether the bounds of a new primitive are valid.
-    fn check(&self, id: PrimId, primitive: &P) -> Result<(), PrimitiveError> {
-        let result = bounds_of(std::slice::from_ref(primitive));
-        result.map(drop).map_err(|_| PrimitiveError::Bounds { primitive: id })
-    }
+/// Rejects a new primitive whose bounds are not valid.
+fn check<P: Primitive>(id: PrimId, primitive: &P) -> Result<(), PrimitiveError> {
+    if is_valid(&primitive.bounds()) { Ok(()) } else { Err(PrimitiveError::Bounds { primitive: id }) }
 }
 
 #[cfg(test)]

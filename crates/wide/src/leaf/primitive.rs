@@ -179,24 +179,61 @@ pub(crate) const fn is_filtered<P: Primitive>() -> bool {
     P::BALL.is_some() || P::HULL.is_some()
 }
 
-/// A primitive of the caller, relative to a point of object space.
-#[derive(Debug)]
-pub(crate) struct Placed<'a, P> {
-    pub(crate) primitive: &'a P,
-    pub(crate) reference: ReferencePoint,
+/// What builds and refits ask of a primitive of any type: their code is compiled once for all types.
+pub(crate) trait Bounded: Send + Sync {
+    /// [`Primitive::bounds`].
+    fn bounds(&self) -> Aabb;
+
+    /// [`Primitive::moments`].
+    fn moments(&self) -> Moments;
+
+    /// [`Primitive::extent_along`] each of these rows.
+    fn extents_along(&self, rows: &[[f32; 3]], extents: &mut [[f32; 2]]);
 }
 
-impl<P> Copy for Placed<'_, P> {}
+impl<P: Primitive> Bounded for P {
+    fn bounds(&self) -> Aabb {
+        Primitive::bounds(self)
+    }
 
-impl<P> Clone for Placed<'_, P> {
-    fn clone(&self) -> Self {
-        *self
+    fn moments(&self) -> Moments {
+        Primitive::moments(self)
+    }
+
+    fn extents_along(&self, rows: &[[f32; 3]], extents: &mut [[f32; 2]]) {
+        extents.iter_mut().zip(rows).for_each(|(extent, &row)| *extent = self.extent_along(row));
     }
 }
 
-impl<'a, P> Placed<'a, P> {
+/// Primitives of a type by number.
+pub(crate) trait Primitives: Sync {
+    /// Their number.
+    fn n(&self) -> usize;
+
+    /// One of them.
+    fn at(&self, i: usize) -> &dyn Bounded;
+}
+
+impl<P: Primitive> Primitives for Vec<P> {
+    fn n(&self) -> usize {
+        self.len()
+    }
+
+    fn at(&self, i: usize) -> &dyn Bounded {
+        &self[i]
+    }
+}
+
+/// A primitive of the caller, relative to a point of object space.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed<'a> {
+    pub(crate) primitive: &'a dyn Bounded,
+    pub(crate) reference: ReferencePoint,
+}
+
+impl<'a> Placed<'a> {
     /// In object space itself.
-    pub(crate) fn given(primitive: &'a P) -> Self {
+    pub(crate) fn given(primitive: &'a dyn Bounded) -> Self {
         Self { primitive, reference: ReferencePoint::ORIGIN }
     }
 }
@@ -207,15 +244,13 @@ impl<'a, P> Placed<'a, P> {
 /// Each interval is the intersection of the primitive's own with that of its bounds: where a primitive reports NaN or too
 /// wide an interval, that of its bounds remains. So no projection exceeds those of the bounds, as the proof requires. Relative to a
 /// reference point, bounds are rounded to nearest ([`ReferencePoint::ROUNDING`](canted_trace::ReferencePoint::ROUNDING)), own intervals outward.
-pub(crate) fn extents_within<'a, P: Primitive + 'a, const N: usize>(
-    rows: &[[f32; 3]; N],
-    primitives: impl IntoIterator<Item = Placed<'a, P>>,
-) -> [[f32; N]; 2] {
-    let (mut lo, mut hi) = ([f32::MAX; N], [f32::MIN; N]);
-    for Placed { primitive, reference } in primitives {
+pub(crate) fn extents_within(rows: &[[f32; 3]; 3], primitives: &[Placed]) -> [[f32; 3]; 2] {
+    let (mut lo, mut hi, mut extents) = ([f32::MAX; 3], [f32::MIN; 3], [[0.0; 2]; 3]);
+    for &Placed { primitive, reference } in primitives {
         let bounds = reference.moved_box(&primitive.bounds());
-        for k in 0..N {
-            let own = moved_extent(primitive.extent_along(rows[k]), rows[k], reference);
+        primitive.extents_along(rows, &mut extents);
+        for k in 0..3 {
+            let own = moved_extent(extents[k], rows[k], reference);
             let of_bounds = extent_of_box(&bounds, rows[k]);
             // The minimum or maximum of NaN and a number is the number.
             lo[k] = lo[k].min(of_bounds[0].max(own[0]));

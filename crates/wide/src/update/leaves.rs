@@ -10,7 +10,7 @@ use super::rotation::EdgeProducts;
 use super::subtree::{LeafSlots, LeafStates};
 use super::vertices::{LANES, Vertices};
 use crate::build::item::{self, Item};
-use crate::leaf::{Placed, Primitive};
+use crate::leaf::{Placed, Primitives};
 use crate::node::{Content, HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
 use crate::simd::{AvailablePath, Simd, Task};
 use crate::traverse::MeshFrame;
@@ -358,24 +358,24 @@ fn may_be_flat<S: Simd>(simd: S, [ax, ay, az, bx, by, bz, cx, cy, cz]: &[S::F; 9
 }
 
 /// Primitives of the caller before and after a motion.
-pub(super) struct MovedPrimitives<'a, P> {
-    pub(super) primitives: [&'a [P]; 2],
+pub(super) struct MovedPrimitives<'a> {
+    pub(super) primitives: [&'a dyn Primitives; 2],
     pub(super) frames: [MeshFrame; 2],
 }
 
-impl<'a, P: Primitive> MovedPrimitives<'a, P> {
+impl<'a> MovedPrimitives<'a> {
     /// Adds leaves of these primitives before the motion, or after it.
     pub(super) fn add(
         &self,
         state: usize,
         order: &[PrimId],
         leaves: &[LeafSlots],
-        states: &mut LeafStates<Vec<Placed<'a, P>>>,
+        states: &mut LeafStates<Vec<Placed<'a>>>,
     ) {
         let (primitives, frame) = (self.primitives[state], &self.frames[state]);
         for leaf in leaves {
             let ids = &order[leaf.first..leaf.first + leaf.n];
-            let given = ids.iter().map(|id| Placed::given(&primitives[id.index()]));
+            let given = ids.iter().map(|id| Placed::given(primitives.at(id.index())));
             states.area += given.clone().map(|item| item.area()).sum::<f64>();
             if let Some(items) = &mut states.items {
                 items.extend(given.map(|item| item.moved(frame.reference)));
@@ -388,10 +388,10 @@ impl<'a, P: Primitive> MovedPrimitives<'a, P> {
 }
 
 /// What the boxes around a leaf of these primitives depend on.
-pub(crate) fn content_of<P: Primitive>(primitives: &[P], ids: &[PrimId], frame: &MeshFrame) -> Content {
+pub(crate) fn content_of(primitives: &dyn Primitives, ids: &[PrimId], frame: &MeshFrame) -> Content {
     let (mut bounds, mut aligned) = (Aabb::EMPTY, Aabb::EMPTY);
     for id in ids {
-        let given = Placed::given(&primitives[id.index()]);
+        let given = Placed::given(primitives.at(id.index()));
         bounds = bounds.union(given.aabb());
         if !frame.is_identity {
             aligned = aligned.union(item::rotated_box(&given.moved(frame.reference), &frame.rows));

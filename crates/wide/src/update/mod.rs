@@ -24,7 +24,7 @@ use canted_obb::{Aabb, PrimId};
 use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
 use crate::bvh::{TriangleBvh, WideBvh};
 use crate::config::{Baseline, RayCost};
-use crate::leaf::{LeafPrimitive, Placed, Primitive};
+use crate::leaf::{LeafPrimitive, Placed, Primitive, Primitives};
 use crate::node::checked::Hierarchy;
 use crate::node::{HalfBlock, Nodes, PARTS};
 use crate::par;
@@ -211,14 +211,7 @@ impl<P: Primitive> WideBvh<P> {
         };
         let old = std::mem::replace(&mut self.leaves.primitives, primitives);
         let moved = MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
-        let before = |units: &[PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
-            moved.add(0, units, leaves, states);
-        };
-        let after = |units: &mut [PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
-            moved.add(1, units, leaves, states);
-        };
-        let leaves = Leaves { n_parts: 1, path: self.path, keeps_items: false, turns_frames: false };
-        let refit = bvh.update(&mut self.leaves.order, leaves, &before, &after);
+        let refit = bvh.update_primitives(&mut self.leaves.order, self.path, &moved);
         if was_sorted {
             self.leaves.sort();
         }
@@ -292,6 +285,18 @@ struct Leaves {
 }
 
 impl Target<'_> {
+    /// Writes the boxes around the primitives that leaves name.
+    fn update_primitives(self, order: &mut [PrimId], path: AvailablePath, moved: &MovedPrimitives) -> Refit {
+        let before = |units: &[PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
+            moved.add(0, units, leaves, states);
+        };
+        let after = |units: &mut [PrimId], leaves: &[LeafSlots], states: &mut LeafStates<Vec<_>>| {
+            moved.add(1, units, leaves, states);
+        };
+        let leaves = Leaves { n_parts: 1, path, keeps_items: false, turns_frames: false };
+        self.update(order, leaves, &before, &after)
+    }
+
     /// Writes the boxes around what the leaves in `units` hold after the motion.
     fn update<K: Kept, U: Send>(
         self,
@@ -344,8 +349,8 @@ fn finite(x: f64) -> f32 {
 }
 
 /// Primitives by place, of these ids, as they are given.
-pub(crate) fn by_place<'a, P>(ids: &[PrimId], primitives: &'a [P]) -> Vec<Placed<'a, P>> {
-    ids.iter().map(|id| Placed::given(&primitives[id.index()])).collect()
+pub(crate) fn by_place<'a>(ids: &[PrimId], primitives: &'a dyn Primitives) -> Vec<Placed<'a>> {
+    ids.iter().map(|id| Placed::given(primitives.at(id.index()))).collect()
 }
 
 /// The id at each place.

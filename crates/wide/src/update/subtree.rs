@@ -10,7 +10,7 @@ use super::rotation::{EdgeProducts, turn_frames};
 use super::vertices::Vertices;
 use crate::build::item::Item;
 use crate::config::Costs;
-use crate::leaf::{Placed, Primitive};
+use crate::leaf::Placed;
 use crate::node::{CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words};
 use crate::par;
 use crate::simd::{AvailablePath, Scalar, Simd, Task};
@@ -36,7 +36,7 @@ impl Kept for Vertices {
     }
 }
 
-impl<P: Primitive> Kept for Vec<Placed<'_, P>> {
+impl Kept for Vec<Placed<'_>> {
     fn with_capacity(n: usize) -> Self {
         Self::with_capacity(n)
     }

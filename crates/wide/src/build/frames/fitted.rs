@@ -6,7 +6,7 @@ use canted_obb::{Moments, eigen};
 use glam::{Vec3A, Vec4};
 
 use super::vector::{frame, to_glam};
-use crate::leaf::{Placed, Primitive};
+use crate::leaf::Placed;
 use crate::par;
 
 /// A primitive, scaled so that the largest extent of the scene is about one.
@@ -154,13 +154,12 @@ impl Edges {
 }
 
 /// A primitive and the scale of the scene.
-#[derive(Debug)]
-pub(crate) struct ScaledShape<'a, P> {
-    pub(crate) placed: Placed<'a, P>,
+pub(crate) struct ScaledShape<'a> {
+    pub(crate) placed: Placed<'a>,
     pub(crate) scale: f32,
 }
 
-impl<P: Primitive> Fitted for ScaledShape<'_, P> {
+impl Fitted for ScaledShape<'_> {
     /// Moments that are not finite or have a negative weight count as none.
     fn moments(&self) -> Moments {
         let moments = self.placed.primitive.moments();
@@ -180,11 +179,12 @@ impl<P: Primitive> Fitted for ScaledShape<'_, P> {
     fn extents<const N: usize>(shapes: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N] {
         let Some(first) = shapes.first() else { return [0.0; N] };
         let rows = rows.map(|row| row.to_array());
-        let (mut lo, mut hi) = ([f32::MAX; N], [f32::MIN; N]);
+        let (mut lo, mut hi, mut extents) = ([f32::MAX; N], [f32::MIN; N], [[0.0; 2]; N]);
         // What boxes contain is decided later, so primitives are believed, and their intervals not moved.
         for shape in shapes.iter().step_by(stride) {
+            shape.placed.primitive.extents_along(&rows, &mut extents);
             for k in 0..N {
-                let [least, greatest] = shape.placed.primitive.extent_along(rows[k]);
+                let [least, greatest] = extents[k];
                 lo[k] = lo[k].min(least);
                 hi[k] = hi[k].max(greatest);
             }
