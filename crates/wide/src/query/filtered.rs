@@ -1,6 +1,8 @@
 //! Rays through the leaves of a BVH over primitives of the caller. Where these have hulls, leaves test eight hulls at once, and then the
 //! primitives that the ray may reach, in this order.
 
+use std::ops::Range;
+
 use canted_obb::PrimId;
 use canted_trace::ScaledRay;
 
@@ -21,7 +23,10 @@ impl<P: Primitive> WideBvh<P> {
         stack: &mut [u64],
         visit: &mut dyn FnMut(&P, PrimId, f32) -> f32,
     ) -> Visits {
-        self.path.run(Filtered { bvh: self, ray, stack, test: Called { visit, order } })
+        match order {
+            Order::Nearest => self.path.run(Filtered { bvh: self, ray, stack, test: Called::<P, true> { visit } }),
+            Order::Any => self.path.run(Filtered { bvh: self, ray, stack, test: Called::<P, false> { visit } }),
+        }
     }
 
     /// Passes the hits of a ray to a sink, tested with the instructions of the path inside of the traversal; the work.
@@ -33,7 +38,7 @@ impl<P: Primitive> WideBvh<P> {
 /// What is done with a primitive that the ray may hit.
 trait Test<P> {
     /// Whether nearer subtrees are visited first.
-    fn is_ordered(&self) -> bool;
+    const ORDERED: bool;
 
     /// Whether hits that are certain go to [`Test::take_any`].
     #[inline(always)]
@@ -52,16 +57,12 @@ trait Test<P> {
 }
 
 /// Calls a function.
-struct Called<'a, P> {
+struct Called<'a, P, const ORDERED: bool> {
     visit: &'a mut dyn FnMut(&P, PrimId, f32) -> f32,
-    order: Order,
 }
 
-impl<P> Test<P> for Called<'_, P> {
-    #[inline(always)]
-    fn is_ordered(&self) -> bool {
-        self.order == Order::Nearest
-    }
+impl<P, const ORDERED: bool> Test<P> for Called<'_, P, ORDERED> {
+    const ORDERED: bool = ORDERED;
 
     #[inline(always)]
     fn test<S: Simd>(&mut self, _: S, primitive: &P, id: PrimId, t_max: f32) -> f32 {
@@ -76,10 +77,7 @@ struct Tested<'a, K> {
 }
 
 impl<P: Primitive, K: HitSink> Test<P> for Tested<'_, K> {
-    #[inline(always)]
-    fn is_ordered(&self) -> bool {
-        K::ORDERED
-    }
+    const ORDERED: bool = K::ORDERED;
 
     #[inline(always)]
     fn takes_any(&self) -> bool {
@@ -95,7 +93,7 @@ impl<P: Primitive, K: HitSink> Test<P> for Tested<'_, K> {
     fn test<S: Simd>(&mut self, simd: S, primitive: &P, id: PrimId, t_max: f32) -> f32 {
         let of = Intersect { primitive, ray: self.ray, t_max };
         // A test that is a large part of the code is compiled once for each path.
-        let found = if P::BALL.is_some() { of.on(simd) } else { simd.run(of) };
+        let found = if const { P::BALL.is_some() } { of.on(simd) } else { simd.run(of) };
         let Some(found) = found else { return t_max };
         // A primitive that breaks its contract must not keep the traversal from ending.
         if !(self.ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
@@ -160,13 +158,15 @@ impl<P: Primitive, T: Test<P>> Task for Filtered<'_, P, T> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, ray, stack, test } = self;
-        let line = match P::BALL {
-            Some(_) => RayLine::to_balls(simd, &ray.scaled),
-            None => RayLine::to_segments(simd, &ray.scaled),
+        // `const`: the branch that a type never takes is not compiled.
+        let line = if const { P::BALL.is_some() } {
+            RayLine::to_balls(simd, &ray.scaled)
+        } else {
+            RayLine::to_segments(simd, &ray.scaled)
         };
         let mut leaves = Leaves { simd, shapes: &bvh.leaves, line, test, visits: Visits::default() };
         let t_max = ray.scaled.t_max;
-        if leaves.test.is_ordered() {
+        if T::ORDERED {
             walk::<S, _, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         } else {
             walk::<S, _, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
@@ -203,10 +203,27 @@ impl<S: Simd, P: Primitive, T: Test<P>> Leaves<'_, S, P, T> {
             }
         };
         let ([ax, ay, az, bx], [by, bz, r0, r1]) = (simd.transpose_half(low), simd.transpose_half(high));
-        if P::BALL.is_some() {
+        if const { P::BALL.is_some() } {
             return line.near_balls(*simd, [ax, ay, az, bx], of, t_max);
         }
         line.near_segments(*simd, [ax, ay, az, bx, by, bz, r0, r1], of, t_max)
+    }
+
+    /// Tests the primitives of a leaf whose hulls the ray may reach.
+    #[inline(always)]
+    fn leaf_by_eights(&mut self, places: Range<usize>, mut t_max: f32) -> f32 {
+        for first in places.clone().step_by(8) {
+            let reached = self.reached(first, (places.end - first).min(8), t_max);
+            if reached.certain != 0 && self.test.takes_any() {
+                return self.test.take_any();
+            }
+            let mut test = TestLane { simd: self.simd, first, shapes: self.shapes, test: &mut self.test };
+            t_max = reached.each(self.simd, t_max, &mut test);
+            if t_max < 0.0 {
+                break;
+            }
+        }
+        t_max
     }
 }
 
@@ -241,22 +258,13 @@ impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
         let (first, end) = (first as usize, (first + n) as usize);
-        if !is_filtered::<P>() || P::BALL.is_none() && n <= FEW {
-            for (place, &id) in (first..end).zip(&self.shapes.order[first..end]) {
-                t_max = self.test.test(self.simd, self.shapes.at(place), id, t_max);
-                if t_max < 0.0 {
-                    break;
-                }
+        if const { is_filtered::<P>() } {
+            if const { P::BALL.is_some() } || n > FEW {
+                return self.leaf_by_eights(first..end, t_max);
             }
-            return t_max;
         }
-        for first in (first..end).step_by(8) {
-            let reached = self.reached(first, (end - first).min(8), t_max);
-            if reached.certain != 0 && self.test.takes_any() {
-                return self.test.take_any();
-            }
-            let mut test = TestLane { simd: self.simd, first, shapes: self.shapes, test: &mut self.test };
-            t_max = reached.each(self.simd, t_max, &mut test);
+        for (place, &id) in (first..end).zip(&self.shapes.order[first..end]) {
+            t_max = self.test.test(self.simd, self.shapes.at(place), id, t_max);
             if t_max < 0.0 {
                 break;
             }
