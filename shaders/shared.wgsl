@@ -606,6 +606,8 @@ struct Picture {
     has_background: u32,
     /// Greatest radiance of light that several surfaces scattered.
     limit: f32,
+    /// Instance of the ground that was added to a scene; `NONE` without one.
+    ground: u32,
 }
 
 /// Work-groups of a dispatch. Each takes one sample of each of the 64 pixels of a cell.

@@ -1,5 +1,7 @@
 // Sums of samples on the device, with the bits of those of the host: an f64 is computed in integers, and samples are added by halves.
 //
+// `?summed` is what is summed of each sample.
+//
 // ```text
 // samples of a dispatch -> blocks: sums of 64 samples -> pixels: one sum for each block of samples so far -> sums, after the last sample
 // ```
@@ -9,84 +11,16 @@
 // the host has taken those samples.
 // use shared/invocation/index
 // use shared/picture
-// use shared/exact/number
-// use ?filter
-
-/// The samples of a pixel.
-struct SampleSum {
-    /// Linear RGB, minus that of samples with negative weight, and the squares: an f64 each, the lower half first.
-    sum: array<vec2<u32>, 3>,
-    sum_of_squares: array<vec2<u32>, 3>,
-    /// Samples in the sums with negative weight, and samples that are not finite.
-    n_negative: u32,
-    n_dropped: u32,
-    /// Rays traced, the lower half first.
-    n_rays: vec2<u32>,
-}
-
-/// Bits of infinity; those of NaN are greater.
-const NOT_FINITE: u32 = 0x7f800000u;
+// use ?summed
 
 /// Samples of a block, and the level of its sum: the logarithm.
 const BLOCK: u32 = 64u;
 const BLOCK_LEVEL: u32 = 6u;
 
-/// As bits, which loads do not change: linear RGB and the number of rays, -1 for a sample that was not finished.
-@group(1) @binding(4) var<storage, read> samples: array<vec4<u32>>;
 /// Samples of the dispatch that were not finished.
 @group(1) @binding(6) var<storage, read_write> n_unfinished: atomic<u32>;
 /// The sums of whole blocks, by pixel from the work-group of the first sample on.
 @group(1) @binding(7) var<storage, read_write> blocks: array<SampleSum>;
-
-/// The sum of two pixels.
-fn plus(a: SampleSum, b: SampleSum) -> SampleSum {
-    var c: SampleSum;
-    for (var k = 0u; k < 3u; k += 1u) {
-        c.sum[k] = f64_sum(a.sum[k], b.sum[k]);
-        c.sum_of_squares[k] = f64_sum(a.sum_of_squares[k], b.sum_of_squares[k]);
-    }
-    c.n_negative = a.n_negative + b.n_negative;
-    c.n_dropped = a.n_dropped + b.n_dropped;
-    let low = a.n_rays.x + b.n_rays.x;
-    c.n_rays = vec2(low, a.n_rays.y + b.n_rays.y + u32(low < a.n_rays.x));
-    return c;
-}
-
-/// The nearest f64 to the sum of two.
-fn f64_sum(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
-    return f64_bits(as_f64(added(from_f64(a), from_f64(b))));
-}
-
-/// The f64 of a number of at most 53 bits: its sums and squares of f32 are neither subnormal nor infinite.
-fn f64_bits(a: Number) -> vec2<u32> {
-    if a.high == 0u {
-        return vec2(0u);
-    }
-    // The mantissa without its top bit, whose exponent is 63 above that of the lowest.
-    let low = (a.high << 21u) | (a.low >> 11u);
-    let high = (a.high >> 11u) & 0xfffffu;
-    return vec2(low, (u32(a.is_negative) << 31u) | (u32(a.exponent + 63 + 1023) << 20u) | high);
-}
-
-/// The sum of a sample alone.
-fn sum_of(one: PixelSample, sample: vec4<u32>) -> SampleSum {
-    var c: SampleSum;
-    c.n_rays = vec2(u32(bitcast<f32>(sample.w)), 0u);
-    let magnitudes = sample.xyz & vec3(0x7fffffffu);
-    if max(magnitudes.x, max(magnitudes.y, magnitudes.z)) >= NOT_FINITE {
-        c.n_dropped = 1u;
-        return c;
-    }
-    let is_negative = filter_weight(square(one, PIXEL_POSITION)) < 0.0;
-    for (var k = 0u; k < 3u; k += 1u) {
-        var x = from_f32(bitcast<f32>(sample[k]));
-        c.sum_of_squares[k] = f64_bits(multiplied(x, x));
-        x.is_negative = x.is_negative != is_negative;
-        c.sum[k] = f64_bits(x);
-    }
-    c.n_negative = u32(is_negative);
-    return c;
-}
 
 // part blocks
 // Sums the blocks of 64 samples that are whole in the dispatch, and counts samples that were not finished.
@@ -97,7 +31,7 @@ var<workgroup> lanes: array<SampleSum, 64>;
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
     let group = group_index(id);
-    if taken(group, id.local).is_inside && samples[64u * group + id.local].w >= 0x80000000u {
+    if taken(group, id.local).is_inside && is_unfinished(64u * group + id.local) {
         atomicAdd(&n_unfinished, 1u);
     }
     // The work-groups of the samples of a block take one of its pixels each.
@@ -111,7 +45,7 @@ fn main(id: Invocation) {
     if is_whole {
         let one = taken(first + lane, pixel);
         if one.is_inside {
-            mine = sum_of(one, samples[64u * (first + lane) + pixel]);
+            mine = sum_of(one, 64u * (first + lane) + pixel);
         }
     }
     lanes[lane] = mine;
@@ -155,7 +89,7 @@ fn main(id: Invocation) {
             sum = blocks[group + id.local];
             level = BLOCK_LEVEL;
         } else {
-            sum = sum_of(taken(group, id.local), samples[64u * group + id.local]);
+            sum = sum_of(taken(group, id.local), 64u * group + id.local);
         }
         while ((n >> level) & 1u) == 1u {
             sum = plus(waiting[level * n_places + place], sum);

@@ -115,8 +115,9 @@ pub enum SampleSums {
     /// Every sample is downloaded.
     #[default]
     Host,
-    /// The device sums the samples of a pixel: 64 bytes are downloaded for any number of them, instead of 16 for each. With [`Settings::part`], for
-    /// each block whose sum the film keeps; with [`Settings::noise`], each time that it decides, and for each block of the last samples.
+    /// The device sums the samples of a pixel: 64 bytes are downloaded for any number of them, instead of 16 for each, and 112 bytes of what camera
+    /// rays hit first, as AOVs show it, instead of 64 for each. With [`Settings::part`], for each block whose sum the film keeps; with
+    /// [`Settings::noise`], each time that it decides, and for each block of the last samples. AOVs of parts of the light come sample by sample.
     Device,
 }
 
@@ -125,8 +126,9 @@ impl SampleSums {
     #[must_use]
     pub fn of_fewer_bytes(settings: &Settings) -> Self {
         let n_records = settings.part.map_or(1, |[first, end]| Block::of(first..end).len());
-        // A sum has four times the bytes of a sample.
-        if settings.range().len() > 4 * n_records { Self::Device } else { Self::Host }
+        // With AOVs, those of first hits beside.
+        let [of_sample, of_sum] = if settings.aovs.is_empty() { [16, 64] } else { [16 + 64, 64 + 112] };
+        if of_sample * settings.range().len() > of_sum * n_records { Self::Device } else { Self::Host }
     }
 
     /// All of them.
@@ -293,5 +295,27 @@ impl Settings {
         .chain(hemisphere)
         .map(|(name, value)| (name.to_owned(), value))
         .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_summed_where_fewer_bytes_are_downloaded() {
+        let depth = Aovs::NONE.with(canted_film::Aov::Depth);
+        for (samples, part, aovs, expected) in [
+            (4, None, Aovs::NONE, SampleSums::Host),
+            (5, None, Aovs::NONE, SampleSums::Device),
+            (2, None, depth, SampleSums::Host),
+            (3, None, depth, SampleSums::Device),
+            // Three blocks, and six.
+            (64, Some([1, 8]), Aovs::NONE, SampleSums::Host),
+            (64, Some([1, 64]), Aovs::NONE, SampleSums::Device),
+        ] {
+            let settings = Settings { samples, part, aovs, ..Settings::default() };
+            assert_eq!(SampleSums::of_fewer_bytes(&settings), expected, "{samples} samples, {part:?}, {aovs}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Aov, Dyadic, Film, Filter, Part, Pixel};
+use canted_film::{Aov, Aovs, Dyadic, Film, Filter, Guide, Part, Pixel};
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{Gpu, NamedBinding, TracedScene, Traffic, Variant, block_on, choice, wgsl};
 use canted_renderer::{
@@ -38,6 +38,12 @@ pub(super) fn monitored<T>(then: impl FnOnce(&Monitor) -> T) -> T {
     then(&Monitor::quiet(&AtomicBool::new(false)))
 }
 
+/// AOVs of what camera rays hit first.
+fn first_hits() -> Aovs {
+    let all = [Aov::Depth, Aov::Normal, Aov::ShadingNormal, Aov::Albedo, Aov::Instance, Aov::Primitive, Aov::Tests];
+    all.into_iter().collect()
+}
+
 /// Numbers of samples of each pixel: summed, negative, dropped.
 fn counts(film: &Film) -> Vec<[u32; 3]> {
     film.pixels().iter().map(|pixel| [pixel.n_samples, pixel.n_negative, pixel.n_dropped]).collect()
@@ -48,8 +54,10 @@ fn sums_of_the_device_are_those_of_the_host() {
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
-        for (samples, filter) in [1, 3, 64, 100].map(|n| (n, Filter::BOX)).into_iter().chain([(37, Filter::MITCHELL)]) {
-            let host = Settings { filter, ..settings(integrator, samples) };
+        let of_box = [1, 3, 64, 100].map(|n| (n, Filter::BOX));
+        for (samples, filter) in of_box.into_iter().chain([37, 128].map(|n| (n, Filter::MITCHELL))) {
+            let aovs = if samples == 3 || samples > 64 { first_hits() } else { Aovs::NONE };
+            let host = Settings { filter, aovs, ..settings(integrator, samples) };
             let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
             let device = Settings { sums: SampleSums::Device, ..host };
             let name = format!("{integrator:?}, {samples} samples, {filter}");
@@ -70,13 +78,14 @@ fn a_picture_downloads_each_pixel_once() {
     let bvh = scene_bvh(&scene, Levels::One);
     // Of whole cells.
     let n_pixels = 24 * 16;
-    for samples in [1, 3, 64, 100, 1000] {
-        let settings = Settings { sums: SampleSums::Device, ..settings(Integrator::Hybrid, samples) };
+    let (none, guides) = ((Aovs::NONE, 64), (first_hits(), 64 + 112));
+    for (samples, (aovs, n_bytes)) in [(1, none), (3, guides), (64, none), (100, guides), (1000, none)] {
+        let settings = Settings { sums: SampleSums::Device, aovs, ..settings(Integrator::Hybrid, samples) };
         let before = gpu.traffic();
         on_device(&gpu, &scene, &bvh, &camera, &settings);
         let Traffic { downloaded_bytes, n_downloads, .. } = gpu.traffic() - before;
         // And some words for each dispatch: how many samples the CPU must take, and what streams count.
-        let words = downloaded_bytes - 64 * n_pixels;
+        let words = downloaded_bytes - n_bytes * n_pixels;
         assert!(
             words <= 4 * 256 * n_downloads,
             "{samples} samples: {downloaded_bytes} bytes in {n_downloads} downloads"
@@ -89,7 +98,7 @@ fn another_order_is_detected() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Path, 16) };
+    let device = Settings { sums: SampleSums::Device, aovs: first_hits(), ..settings(Integrator::Path, 16) };
     let ours = on_device(&gpu, &scene, &bvh, &camera, &device);
     let each: Vec<Film> = (0..device.samples)
         .map(|k| on_device(&gpu, &scene, &bvh, &camera, &Settings { part: Some([k, k + 1]), ..device }))
@@ -98,6 +107,9 @@ fn another_order_is_detected() {
     let n = ours.pixels().len();
     let n_apart = (0..n).filter(|&pixel| in_order(pixel) != ours.pixels()[pixel]).count();
     assert!(n_apart > n / 4 && n_apart < n, "{n_apart} of {n}");
+    let in_order = |pixel: usize| each.iter().map(|film| film.guides()[pixel]).reduce(|a, b| a + b).unwrap();
+    let n_apart = (0..n).filter(|&pixel| in_order(pixel) != ours.guides()[pixel]).count();
+    assert!(n_apart > n / 4, "{n_apart} of {n}");
 }
 
 /// Parts of any split join to the bits of the whole, wherever they are summed.
@@ -105,7 +117,7 @@ fn parts_join() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Hybrid, 100) };
+    let device = Settings { sums: SampleSums::Device, aovs: first_hits(), ..settings(Integrator::Hybrid, 100) };
     let whole = on_device(&gpu, &scene, &bvh, &camera, &device);
     let joined = |at: u32, sums: [SampleSums; 2]| {
         let of = |(range, sums): ([u32; 2], SampleSums)| {
@@ -164,7 +176,14 @@ fn the_cpu_takes_unfinished_samples() {
     let theirs = on_cpu(&scene, &bvh, &camera, &device);
     // No ray is finished: each sample is the CPU's.
     let none = summed(&gpu, (&scene, &camera), &bvh, &device, |traced| traced.with_max_iterations(0));
-    assert!(none == theirs);
+    assert!(none.pixels() == theirs.pixels() && none.n_rays() == theirs.n_rays());
+    // Of single samples, AOVs are kept in f32.
+    let depths = |guide: &Guide| (guide.n_hits, guide.first, guide.depth as f32);
+    let are_near = |(a, b): (&Guide, &Guide)| {
+        let ((n, first, depth), (n_theirs, first_theirs, of_theirs)) = (depths(a), depths(b));
+        (n, first) == (n_theirs, first_theirs) && (depth - of_theirs).abs() <= 2e-7 * of_theirs.abs()
+    };
+    assert!(none.guides().iter().zip(theirs.guides()).all(are_near));
     // Some are.
     let host = Settings { sums: SampleSums::Host, ..device };
     let few =
@@ -178,7 +197,7 @@ fn the_cpu_takes_unfinished_samples() {
 fn sums_of_any_numbers_have_the_bits_of_the_host() {
     let gpu = gpu();
     let variant = Variant::none().with(choice::Pattern::Random).with(choice::Filter::Box);
-    let variant = variant.with(choice::View::Perspective).with(choice::Lens::Pinhole);
+    let variant = variant.with(choice::View::Perspective).with(choice::Lens::Pinhole).with(choice::Summed::Light);
     let kernels = [wgsl::render::sum::BLOCKS, wgsl::render::sum::PIXELS]
         .map(|name| gpu.kernel(name, &variant.of_kernel(name).unwrap()).unwrap());
     // Two cells of pixels, all of them in the picture.

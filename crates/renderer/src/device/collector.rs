@@ -9,7 +9,7 @@ use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
 use super::picture::{CELL_PIXELS, Pace, Slice};
 use super::records::{PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, Took};
-use super::sums::{PackedSample, PackedSum, SampleRun, packed, runs};
+use super::sums::{PackedGuideSum, PackedSample, PackedSum, SampleRun, packed, runs};
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
 
@@ -27,13 +27,16 @@ const MAX: u32 = 1 << 15;
 pub(super) struct Found<'a> {
     /// Empty where the device sums samples, unless the CPU must take some. What it writes is summed.
     samples: &'a mut [PackedSample],
-    /// AOVs; empty where none is requested.
-    guides: &'a [PackedGuide],
-    /// The light in its parts, likewise.
+    /// AOVs, likewise; empty where none is requested.
+    guides: &'a mut [PackedGuide],
+    /// The light in its parts; empty where it is not requested.
     components: &'a [PackedComponents],
     /// What the first surface reflects, likewise.
     first_light: &'a [PackedFirstLight],
 }
+
+/// Sums that the device made, pixel by pixel: of light, and of AOVs where they are requested.
+type DeviceSum = (Vec<PackedSum>, Vec<PackedGuideSum>);
 
 /// Takes samples of cells on a GPU.
 pub(super) struct SampleDispatcher<'a> {
@@ -110,11 +113,11 @@ impl<'a> SampleDispatcher<'a> {
         bindings: &[NamedBinding<'_>],
         stop: &dyn Fn() -> bool,
         mut each: impl FnMut(usize, u32, Found<'_>),
-    ) -> Result<Vec<PackedSum>, GpuError> {
+    ) -> Result<DeviceSum, GpuError> {
         let n_samples = run.end - run.start;
         let all = cells.len() as u64 * u64::from(n_samples);
         let mut done = 0;
-        let mut sums = vec![];
+        let mut sums = DeviceSum::default();
         while done < all && !stop() {
             // In windows of whole cells, so that work-groups are counted in 32 bits.
             let (cell, first_group) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
@@ -140,7 +143,7 @@ impl<'a> SampleDispatcher<'a> {
         n_sums: usize,
         bindings: &[NamedBinding<'_>],
         each: impl FnMut(u32, Found<'_>),
-    ) -> Result<Vec<PackedSum>, GpuError> {
+    ) -> Result<DeviceSum, GpuError> {
         let start = Instant::now();
         let n = slice.end_group - slice.first_group;
         let size = [n, cells.len() as u32];
@@ -169,35 +172,41 @@ impl<'a> SampleDispatcher<'a> {
         if has_unfinished {
             samples = block_on(self.gpu.read_first(&self.samples, n_samples))?;
         }
-        let guides = self.read(&self.guides, n_samples)?;
-        let components = self.read(&self.components, n_samples)?;
-        let first_light = self.read(&self.first_light, n_samples)?;
-        for_each_group(n, (&mut samples, &guides, &components, &first_light), each);
+        let are_here = self.kernels.sums.is_none() || has_unfinished;
+        let mut guides = if are_here { self.read(self.guides.as_ref(), n_samples)? } else { vec![] };
+        let components = self.read(self.components.as_ref(), n_samples)?;
+        let first_light = self.read(self.first_light.as_ref(), n_samples)?;
+        for_each_group(n, (&mut samples, &mut guides, &components, &first_light), each);
         if has_unfinished && let Some(on_device) = &self.kernels.sums {
             // Now the CPU has taken those samples.
             self.gpu.write(&self.samples, &samples);
+            if let Some(buffer) = &self.guides {
+                self.gpu.write(buffer, &guides);
+            }
             self.kernels.finish(self.gpu.commands(), &bindings, size)?;
-            sums = block_on(self.gpu.read_first(&on_device.sums, n_sums))?;
+            sums = block_on(self.gpu.read_first(&on_device.light.sums, n_sums))?;
         }
+        let of_guides = self.kernels.sums.as_ref().and_then(|sums| sums.guides.as_ref());
+        let of_guides = self.read(of_guides.map(|guides| &guides.sums), n_sums)?;
         self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
         self.pace.set_groups(self.n_groups);
-        Ok(sums)
+        Ok((sums, of_guides))
     }
 
     /// The first values of a buffer, if it is there.
-    fn read<T: Pod>(&self, buffer: &Option<Buffer<T>>, n: usize) -> Result<Vec<T>, GpuError> {
-        buffer.as_ref().map_or(Ok(vec![]), |buffer| block_on(self.gpu.read_first(buffer, n)))
+    fn read<T: Pod>(&self, buffer: Option<&Buffer<T>>, n: usize) -> Result<Vec<T>, GpuError> {
+        buffer.map_or(Ok(vec![]), |buffer| block_on(self.gpu.read_first(buffer, n)))
     }
 }
 
 /// What was found of the samples of a dispatch: empty where it is not needed.
-type All<'a> = (&'a mut [PackedSample], &'a [PackedGuide], &'a [PackedComponents], &'a [PackedFirstLight]);
+type All<'a> = (&'a mut [PackedSample], &'a mut [PackedGuide], &'a [PackedComponents], &'a [PackedFirstLight]);
 
 /// Calls `each` for each of `n` work-groups, if anything of them is here.
 fn for_each_group(n: u32, (samples, guides, components, first_light): All<'_>, mut each: impl FnMut(u32, Found<'_>)) {
     let is_here = !(samples.is_empty() && guides.is_empty() && components.is_empty() && first_light.is_empty());
     let mut samples = samples.chunks_exact_mut(CELL_PIXELS);
-    let mut guides = guides.chunks_exact(CELL_PIXELS);
+    let mut guides = guides.chunks_exact_mut(CELL_PIXELS);
     let mut components = components.chunks_exact(CELL_PIXELS);
     let mut first_light = first_light.chunks_exact(CELL_PIXELS);
     for group in (0..n).filter(|_| is_here) {
@@ -289,14 +298,16 @@ impl SampleCollector<'_> {
         for run in runs(samples.clone(), is_one) {
             for cells in cells.chunks_mut(self.dispatcher.max_cells()) {
                 let positions: Vec<u32> = cells.iter().map(|Cell { position: [x, y], .. }| x | y << 16).collect();
-                let sums = self.dispatcher.take(&positions, &run, &self.bindings, stop, |cell, sample, found| {
-                    cells[cell].add(found, sample, is_summed, (weight, tiles));
-                })?;
+                let (sums, guides) =
+                    self.dispatcher.take(&positions, &run, &self.bindings, stop, |cell, sample, found| {
+                        cells[cell].add(found, sample, is_summed, (weight, tiles));
+                    })?;
                 if stop() {
                     return Ok(());
                 }
+                let mut guides = guides.chunks_exact(CELL_PIXELS);
                 for (cell, sums) in cells.iter_mut().zip(sums.chunks_exact(CELL_PIXELS)) {
-                    cell.add_sums(sums, &run);
+                    cell.add_sums(sums, guides.next(), &run);
                 }
             }
         }
@@ -339,7 +350,8 @@ impl Cell {
         places.into_iter().map(move |[x, y]| ((y * CELL + x) as usize, [left + x, top + y]))
     }
 
-    /// Adds a sample of each pixel: its AOVs, and its light unless the device sums that. The CPU takes what the device did not finish.
+    /// Adds a sample of each pixel: the parts of its light, and its light and AOVs unless the device sums them. The CPU takes what the
+    /// device did not finish.
     fn add(
         &mut self,
         found: Found<'_>,
@@ -350,8 +362,8 @@ impl Cell {
         let Found { samples, guides, components, first_light } = found;
         for ((index, pixel), sums) in self.places().zip(&mut self.sums) {
             let is_unfinished = samples.get(index).is_some_and(|sample| sample[3] < 0.0);
-            let guide = guides.get(index);
-            let is_known = !is_unfinished && guide.is_none_or(PackedGuide::is_complete);
+            let guide = guides.get_mut(index);
+            let is_known = !is_unfinished && guide.as_ref().is_none_or(|guide| guide.is_complete());
             let mut one = Sums::default();
             let by_cpu = if is_known { 0 } else { tiles.sample(pixel, sample, &mut one) };
             match samples.get_mut(index) {
@@ -364,8 +376,12 @@ impl Cell {
                 sums.pixel.push_sample(sample, if is_unfinished { one.pixel.total() } else { by_device() });
             }
             if let Some(guide) = guide {
-                let guide = if is_known { tiles.kept(guide.into()) } else { one.guide.total() };
-                sums.guide.push_sample(sample, guide);
+                if !is_known {
+                    *guide = PackedGuide::of(&one.guide.total());
+                }
+                if !is_summed {
+                    sums.guide.push_sample(sample, (&*guide).into());
+                }
             }
             if let Some(&components) = components.get(index) {
                 let by_device =
@@ -377,16 +393,37 @@ impl Cell {
     }
 
     /// Adds the sums of all samples of a run.
-    fn add_sums(&mut self, found: &[PackedSum], run: &SampleRun) {
+    fn add_sums(&mut self, found: &[PackedSum], guides: Option<&[PackedGuideSum]>, run: &SampleRun) {
         for ((index, _), sums) in self.places().zip(&mut self.sums) {
             let found = &found[index];
             self.n_rays += found.n_rays;
             sums.pixel.push_sum(run.clone(), found.pixel(run.end - run.start));
+            if let Some(guides) = guides {
+                sums.guide.push_sum(run.clone(), (&guides[index]).into());
+            }
         }
     }
 }
 
 impl PackedGuide {
+    /// What the CPU found of a sample, as kernels keep it.
+    fn of(guide: &Guide) -> Self {
+        let narrow = |v: [f64; 3]| v.map(|x| x as f32);
+        let [instance, primitive] = guide.first.unwrap_or([u32::MAX, if guide.n_hits > 0 { 0 } else { u32::MAX }]);
+        let [n_boxes, n_triangles] = guide.tests.map(|n| n as f32);
+        Self {
+            normal: narrow(guide.normal),
+            depth: guide.depth as f32,
+            shading_normal: narrow(guide.shading_normal),
+            n_boxes,
+            albedo: narrow(guide.albedo),
+            n_triangles,
+            primitive,
+            instance,
+            padding: [0; 2],
+        }
+    }
+
     /// Whether the traversal of the camera ray was not cut short.
     fn is_complete(&self) -> bool {
         self.primitive != u32::MAX - 1
@@ -396,13 +433,15 @@ impl PackedGuide {
 impl From<&PackedGuide> for Guide {
     fn from(guide: &PackedGuide) -> Self {
         let is_triangle = guide.instance != u32::MAX;
+        // Without negative zeros, which sums would lose or not by the order of their terms.
+        let number = |x: f32| if x.is_finite() { f64::from(x) + 0.0 } else { 0.0 };
         Self {
             n_hits: (is_triangle || guide.primitive != u32::MAX).into(),
             first: is_triangle.then_some([guide.instance, guide.primitive]),
-            depth: guide.depth.into(),
-            normal: guide.normal.map(f64::from),
-            shading_normal: guide.shading_normal.map(f64::from),
-            albedo: guide.albedo.map(f64::from),
+            depth: number(guide.depth),
+            normal: guide.normal.map(number),
+            shading_normal: guide.shading_normal.map(number),
+            albedo: guide.albedo.map(number),
             tests: [guide.n_boxes, guide.n_triangles].map(f64::from),
         }
     }

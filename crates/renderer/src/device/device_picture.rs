@@ -219,7 +219,8 @@ impl<'a> DevicePicture<'a> {
         let facts = picture::picture(view, settings, *ao_radius);
         let background = bounded(scene.background.unwrap_or_default());
         let has_background = u32::from(scene.background.is_some());
-        let facts = PackedPicture { ambient, slack: packed.slack, background, has_background, ..facts };
+        let ground = scene.ground.unwrap_or(u32::MAX);
+        let facts = PackedPicture { ambient, slack: packed.slack, background, has_background, ground, ..facts };
         let filter_table = match settings.filter {
             Filter::Box(_) => None,
             _ => Some(gpu.read_only("filter", &filter.table())?),
@@ -258,7 +259,8 @@ impl<'a> DevicePicture<'a> {
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
         };
-        let sums = (settings.sums == SampleSums::Device).then(|| SumKernels::new(gpu, &chosen)).transpose()?;
+        let sums = || SumKernels::new(gpu, &chosen, guide.is_some());
+        let sums = (settings.sums == SampleSums::Device).then(sums).transpose()?;
         let kernels = RenderKernels { light, guide, sums };
         let picture = gpu.read_only_uniform("picture", &facts)?;
         Ok(Self {

@@ -37,7 +37,8 @@ pub(super) struct PackedPicture {
     pub(super) background: [f32; 3],
     pub(super) has_background: u32,
     pub(super) limit: f32,
-    pub(super) padding: [f32; 3],
+    pub(super) ground: u32,
+    pub(super) padding: [f32; 2],
 }
 
 /// `Slice` of `shared/picture`.
@@ -77,7 +78,8 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
         background: [0.0; 3],
         has_background: 0,
         limit: clamp.map_or(FAR, |clamp| clamp.min(FAR)),
-        padding: [0.0; 3],
+        ground: u32::MAX,
+        padding: [0.0; 2],
     }
 }
 

@@ -24,7 +24,7 @@ pub(super) struct PackedGuide {
     pub(super) primitive: u32,
     /// `u32::MAX` for a miss and for a light.
     pub(super) instance: u32,
-    padding: [u32; 2],
+    pub(super) padding: [u32; 2],
 }
 
 /// `FirstLight` of `shared/camera/first_light`: what the first surface reflects in a sample.
@@ -177,7 +177,7 @@ impl ReadyKernels {
             }
             Some(device) => {
                 beside.push((&device.n_unfinished, 1));
-                let (sums, words) = block_on(gpu.read_beside(&device.sums, n_sums, &beside))?;
+                let (sums, words) = block_on(gpu.read_beside(&device.light.sums, n_sums, &beside))?;
                 (vec![], sums, words)
             }
         };

@@ -11,8 +11,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Block, Pixel};
-use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, Variant, wgsl};
+use canted_film::{Block, Guide, Pixel};
+use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, Variant, choice, wgsl};
 
 use super::picture::CELL_PIXELS;
 
@@ -30,7 +30,7 @@ pub(super) fn runs(samples: SampleRun, is_one: bool) -> Vec<SampleRun> {
     Block::of(samples).into_iter().map(|Block { first, len }| first..first + len).collect()
 }
 
-/// `SampleSum` of `render/sum`, where the members are documented.
+/// `SampleSum` of `summed/light`, where the members are documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(super) struct PackedSum {
@@ -49,6 +49,30 @@ impl PackedSum {
     }
 }
 
+/// `SampleSum` of `summed/guide`, where the members are documented: the sums of `PackedGuide`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(super) struct PackedGuideSum {
+    normal: [f64; 3],
+    depth: f64,
+    shading_normal: [f64; 3],
+    n_boxes: f64,
+    albedo: [f64; 3],
+    n_triangles: f64,
+    n_hits: u32,
+    /// Instance and primitive.
+    first: [u32; 2],
+    padding: u32,
+}
+
+impl From<&PackedGuideSum> for Guide {
+    fn from(sum: &PackedGuideSum) -> Self {
+        let PackedGuideSum { normal, depth, shading_normal, n_boxes, albedo, n_triangles, n_hits, first, .. } = *sum;
+        let first = (first[0] != u32::MAX).then_some(first);
+        Self { n_hits, first, depth, normal, shading_normal, albedo, tests: [n_boxes, n_triangles] }
+    }
+}
+
 /// A sample that the CPU took, as kernels keep it; of one that is dropped, only that its light is not finite.
 pub(super) fn packed(pixel: &Pixel, n_rays: u64) -> PackedSample {
     let light = match [pixel.n_dropped, pixel.n_negative] {
@@ -64,19 +88,27 @@ pub(super) fn packed(pixel: &Pixel, n_rays: u64) -> PackedSample {
 /// Compiled kernels.
 #[derive(Clone)]
 pub(super) struct SumKernels {
-    blocks: Arc<Kernel>,
-    pixels: Arc<Kernel>,
+    light: BlocksAndPixels,
+    guides: Option<BlocksAndPixels>,
 }
+
+/// The kernels that sum one thing of each sample, in their order.
+type BlocksAndPixels = [Arc<Kernel>; 2];
 
 impl SumKernels {
     /// Those of a picture; `chosen` has the choices of its other kernels.
-    pub(super) fn new(gpu: &Gpu, chosen: &Variant) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &Gpu, chosen: &Variant, has_guides: bool) -> Result<Self, GpuError> {
         use wgsl::render::sum;
-        let wanted = [sum::BLOCKS, sum::PIXELS].map(|name| Ok::<_, GpuError>((name, chosen.of_kernel(name)?)));
-        let [blocks, pixels] = wanted;
-        let compiled = gpu.kernels(&[blocks?, pixels?])?;
-        let [blocks, pixels] = &compiled[..] else { unreachable!("a kernel for each name") };
-        Ok(Self { blocks: blocks.clone(), pixels: pixels.clone() })
+        let kernels = |summed: choice::Summed| -> Result<BlocksAndPixels, GpuError> {
+            let chosen = chosen.clone().with(summed);
+            let [blocks, pixels] = [sum::BLOCKS, sum::PIXELS].map(|name| Ok((name, chosen.of_kernel(name)?)));
+            let [blocks, pixels] = &gpu.kernels(&[blocks?, pixels?])?[..] else {
+                unreachable!("a kernel for each name")
+            };
+            Ok([blocks.clone(), pixels.clone()])
+        };
+        let guides = has_guides.then(|| kernels(choice::Summed::Guide)).transpose()?;
+        Ok(Self { light: kernels(choice::Summed::Light)?, guides })
     }
 }
 
@@ -85,13 +117,19 @@ const MOST_WAITING: u64 = 64 << 20;
 
 /// Kernels with their buffers.
 pub(super) struct DeviceSums {
-    kernels: SumKernels,
     /// Samples of a dispatch that no kernel finished.
     pub(super) n_unfinished: Buffer<u32>,
-    blocks: Buffer<PackedSum>,
-    waiting: Buffer<PackedSum>,
+    pub(super) light: ReadySums<PackedSum>,
+    pub(super) guides: Option<ReadySums<PackedGuideSum>>,
+}
+
+/// Kernels that sum one thing of each sample, with their buffers.
+pub(super) struct ReadySums<T> {
+    kernels: BlocksAndPixels,
+    blocks: Buffer<T>,
+    waiting: Buffer<T>,
     /// One per pixel of the cells that are summed together.
-    pub(super) sums: Buffer<PackedSum>,
+    pub(super) sums: Buffer<T>,
 }
 
 impl DeviceSums {
@@ -99,20 +137,21 @@ impl DeviceSums {
     pub(super) fn new(gpu: &Gpu, kernels: SumKernels, (n_groups, n_samples): (u32, u32)) -> Result<Self, GpuError> {
         let n_levels = n_samples.max(1).ilog2() as usize + 1;
         let most = gpu.limits().max_storage_buffer_binding_size.min(MOST_WAITING);
-        let of_cell = (CELL_PIXELS * n_levels * size_of::<PackedSum>()) as u64;
+        let SumKernels { light, guides } = kernels;
+        let of_pixel = if guides.is_some() { size_of::<PackedGuideSum>() } else { size_of::<PackedSum>() };
+        let of_cell = (CELL_PIXELS * n_levels * of_pixel) as u64;
         let n_cells = (most / of_cell).clamp(1, n_groups.max(1).into()) as usize;
+        let size = (n_groups as usize, n_cells, n_levels);
         Ok(Self {
-            kernels,
             n_unfinished: gpu.work_buffer("unfinished samples", 1)?,
-            blocks: gpu.work_buffer("sums of blocks", n_groups as usize)?,
-            waiting: gpu.work_buffer("waiting sums", n_cells * CELL_PIXELS * n_levels)?,
-            sums: gpu.work_buffer("sums of samples", n_cells * CELL_PIXELS)?,
+            light: ReadySums::new(gpu, light, size)?,
+            guides: guides.map(|kernels| ReadySums::new(gpu, kernels, size)).transpose()?,
         })
     }
 
     /// Most cells that are summed together.
     pub(super) fn n_cells(&self) -> usize {
-        self.sums.len() / CELL_PIXELS
+        self.light.sums.len() / CELL_PIXELS
     }
 
     /// Adds the dispatches that add the samples of so many work-groups and cells.
@@ -120,18 +159,48 @@ impl DeviceSums {
         &self,
         commands: &mut Commands<'_>,
         bindings: &[NamedBinding<'_>],
-        [n_groups, n_cells]: [u32; 2],
+        size: [u32; 2],
     ) -> Result<(), GpuError> {
-        let SumKernels { blocks, pixels } = &self.kernels;
-        let own: [NamedBinding<'_>; 4] = [
-            ("n_unfinished", &self.n_unfinished),
-            ("blocks", &self.blocks),
-            ("waiting", &self.waiting),
-            ("sums", &self.sums),
-        ];
-        let bindings = [bindings, &own].concat();
-        commands.clear(&self.n_unfinished);
-        commands.dispatch(blocks, &bindings, blocks.groups(n_groups * blocks.group_size()))?;
-        commands.dispatch(pixels, &bindings, pixels.groups(n_cells * pixels.group_size()))
+        let Self { n_unfinished, light, guides } = self;
+        commands.clear(n_unfinished);
+        let bindings = [bindings, &[("n_unfinished", n_unfinished)]].concat();
+        // No pixel is summed before all unfinished samples are counted.
+        for step in 0..2 {
+            light.record(commands, &bindings, size, step)?;
+            if let Some(guides) = guides {
+                guides.record(commands, &bindings, size, step)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<T: Pod> ReadySums<T> {
+    /// For so many work-groups, cells and lengths of blocks.
+    fn new(
+        gpu: &Gpu,
+        kernels: BlocksAndPixels,
+        (n_groups, n_cells, n_levels): (usize, usize, usize),
+    ) -> Result<Self, GpuError> {
+        Ok(Self {
+            kernels,
+            blocks: gpu.work_buffer("sums of blocks", n_groups)?,
+            waiting: gpu.work_buffer("waiting sums", n_cells * CELL_PIXELS * n_levels)?,
+            sums: gpu.work_buffer("sums of samples", n_cells * CELL_PIXELS)?,
+        })
+    }
+
+    /// Adds the dispatch of one of the kernels.
+    fn record(
+        &self,
+        commands: &mut Commands<'_>,
+        bindings: &[NamedBinding<'_>],
+        size: [u32; 2],
+        step: usize,
+    ) -> Result<(), GpuError> {
+        let Self { kernels, blocks, waiting, sums } = self;
+        let own: [NamedBinding<'_>; 3] = [("blocks", blocks), ("waiting", waiting), ("sums", sums)];
+        let kernel = &kernels[step];
+        commands.dispatch(kernel, &[bindings, &own].concat(), kernel.groups(size[step] * kernel.group_size()))
     }
 }

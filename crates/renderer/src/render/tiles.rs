@@ -43,10 +43,6 @@ pub(crate) trait RenderTiles: Sync {
 
     /// Adds one sample of a pixel to its sums; returns the number of rays.
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
-
-    /// The AOVs of a sample that are kept: those of the ground that was added to a scene are those of a miss. It is as bright as the
-    /// background, and a denoiser that knew it from the background would show its edge.
-    fn kept(&self, guide: Guide) -> Guide;
 }
 
 /// What all tiles of a picture share.
@@ -79,15 +75,6 @@ impl RenderTiles for TileRenderer<'_> {
         let mut started = Started::default();
         started.add(0, self.start(&mut self.transport.sampler.remembering(), pixel, sample));
         self.finish(&mut started, std::slice::from_mut(sums), &mut Times::new(), &|| false).unwrap_or_default()
-    }
-
-    fn kept(&self, guide: Guide) -> Guide {
-        match (guide.first, self.transport.surfaces.scene().ground) {
-            (Some([instance, _]), Some(ground)) if instance == ground => {
-                Guide { tests: guide.tests, ..Guide::default() }
-            }
-            _ => guide,
-        }
     }
 }
 
@@ -166,7 +153,7 @@ impl TileRenderer<'_> {
                 for (i, (start, &(index, _))) in of_chunk.zip(starts.iter().zip(places)) {
                     let tests = tests.as_ref().map_or([0.0; 2], |tests| tests[i]);
                     let (surface, guide) = self.guide(start, hits[surfaces.len()], tests);
-                    sums[index].guide.push_sample(start.sample, self.kept(guide));
+                    sums[index].guide.push_sample(start.sample, guide);
                     surfaces.push(surface);
                 }
                 times.end(Stage::Shading);
@@ -219,6 +206,10 @@ impl TileRenderer<'_> {
         }
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
         let surface = self.transport.surfaces.at_ray(&hit, ray, *cone);
+        if self.transport.surfaces.scene().ground == Some(hit.instance.0) {
+            // It is as bright as the background, and a denoiser that knew it from the background would show its edge.
+            return (Some(surface), Guide { tests, ..Guide::default() });
+        }
         let guide = Guide {
             n_hits: 1,
             first: Some([hit.instance.0, hit.primitive.0]),
