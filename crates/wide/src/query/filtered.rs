@@ -23,15 +23,22 @@ impl<P: Primitive> WideBvh<P> {
         stack: &mut [u64],
         visit: &mut dyn FnMut(&P, PrimId, f32) -> f32,
     ) -> Visits {
+        let mut visits = Visits::default();
+        let counted = &mut visits;
         match order {
-            Order::Nearest => self.path.run(Filtered { bvh: self, ray, stack, test: Called::<P, true> { visit } }),
-            Order::Any => self.path.run(Filtered { bvh: self, ray, stack, test: Called::<P, false> { visit } }),
+            Order::Nearest => {
+                self.path.run(Filtered { bvh: self, ray, stack, test: Called::<P, true> { visit, visits: counted } })
+            }
+            Order::Any => {
+                self.path.run(Filtered { bvh: self, ray, stack, test: Called::<P, false> { visit, visits: counted } })
+            }
         }
+        visits
     }
 
-    /// Passes the hits of a ray to a sink, tested with the instructions of the path inside of the traversal; the work.
-    pub(super) fn search(&self, ray: &TracedRay, stack: &mut [u64], sink: &mut impl HitSink) -> Visits {
-        self.path.run(Filtered { bvh: self, ray, stack, test: Tested { ray: &ray.scaled, sink } })
+    /// Passes the hits of a ray to a sink, tested with the instructions of the path inside of the traversal.
+    pub(super) fn search(&self, ray: &TracedRay, stack: &mut [u64], sink: &mut impl HitSink) {
+        self.path.run(Filtered { bvh: self, ray, stack, test: Tested { ray: &ray.scaled, sink } });
     }
 }
 
@@ -52,6 +59,9 @@ trait Test<P> {
         unreachable!("the test needs hits")
     }
 
+    /// Where the work is counted, if it is.
+    fn visits(&mut self) -> Option<&mut Visits>;
+
     /// Returns the new `t_max`; a negative number ends the traversal.
     fn test<S: Simd>(&mut self, simd: S, primitive: &P, id: PrimId, t_max: f32) -> f32;
 }
@@ -59,10 +69,16 @@ trait Test<P> {
 /// Calls a function.
 struct Called<'a, P, const ORDERED: bool> {
     visit: &'a mut dyn FnMut(&P, PrimId, f32) -> f32,
+    visits: &'a mut Visits,
 }
 
 impl<P, const ORDERED: bool> Test<P> for Called<'_, P, ORDERED> {
     const ORDERED: bool = ORDERED;
+
+    #[inline(always)]
+    fn visits(&mut self) -> Option<&mut Visits> {
+        Some(self.visits)
+    }
 
     #[inline(always)]
     fn test<S: Simd>(&mut self, _: S, primitive: &P, id: PrimId, t_max: f32) -> f32 {
@@ -87,6 +103,11 @@ impl<P: Primitive, K: HitSink> Test<P> for Tested<'_, K> {
     #[inline(always)]
     fn take_any(&mut self) -> f32 {
         self.sink.take_any()
+    }
+
+    #[inline(always)]
+    fn visits(&mut self) -> Option<&mut Visits> {
+        self.sink.visits()
     }
 
     #[inline(always)]
@@ -153,10 +174,11 @@ struct Filtered<'a, P: Primitive, T> {
 }
 
 impl<P: Primitive, T: Test<P>> Task for Filtered<'_, P, T> {
-    type Output = Visits;
+    type Output = ();
 
+    // The work is counted in place: a copy would wait for what was just written number by number.
     #[inline(always)]
-    fn on<S: Simd>(self, simd: S) -> Visits {
+    fn on<S: Simd>(self, simd: S) {
         let Self { bvh, ray, stack, test } = self;
         // `const`: the branch that a type never takes is not compiled.
         let line = if const { P::BALL.is_some() } {
@@ -164,14 +186,13 @@ impl<P: Primitive, T: Test<P>> Task for Filtered<'_, P, T> {
         } else {
             RayLine::to_segments(simd, &ray.scaled)
         };
-        let mut leaves = Leaves { simd, shapes: &bvh.leaves, line, test, visits: Visits::default() };
+        let mut leaves = Leaves { simd, shapes: &bvh.leaves, line, test };
         let t_max = ray.scaled.t_max;
         if T::ORDERED {
             walk::<S, _, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         } else {
             walk::<S, _, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         }
-        leaves.visits
     }
 }
 
@@ -184,7 +205,6 @@ struct Leaves<'a, S: Simd, P, T> {
     shapes: &'a Shapes<P>,
     line: RayLine<S>,
     test: T,
-    visits: Visits,
 }
 
 impl<S: Simd, P: Primitive, T: Test<P>> Leaves<'_, S, P, T> {
@@ -256,7 +276,9 @@ impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
 
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
-        self.visits.leaf(n);
+        if let Some(visits) = self.test.visits() {
+            visits.leaf(n);
+        }
         let (first, end) = (first as usize, (first + n) as usize);
         if const { is_filtered::<P>() } {
             if const { P::BALL.is_some() } || n > FEW {
@@ -274,7 +296,9 @@ impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
 
     #[inline(always)]
     fn node(&mut self, kind: NodeKind) {
-        self.visits.node(kind);
+        if let Some(visits) = self.test.visits() {
+            visits.node(kind);
+        }
     }
 }
 

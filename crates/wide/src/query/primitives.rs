@@ -72,19 +72,19 @@ impl<P: Primitive> WideBvh<P> {
 
     fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
         let mut best = BestHit::<false>::new(query);
-        best.visits = self.search(ray, stack, &mut best);
+        self.search(ray, stack, &mut best);
         best.hit(&ray.scaled)
     }
 
     fn occluded_by(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         let mut any = AnyHit::<false>::new(query);
-        any.visits = self.search(ray, stack, &mut any);
+        self.search(ray, stack, &mut any);
         any.found()
     }
 
     fn every(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
         let mut all = AllHits::new(query, hits);
-        all.visits = self.search(ray, stack, &mut all);
+        self.search(ray, stack, &mut all);
         all.finish(&ray.scaled);
     }
 }
