@@ -280,10 +280,8 @@ impl<S: Simd, P: Primitive, T: Test<P>> Visitor for Leaves<'_, S, P, T> {
             visits.leaf(n);
         }
         let (first, end) = (first as usize, (first + n) as usize);
-        if const { is_filtered::<P>() } {
-            if const { P::BALL.is_some() } || n > FEW {
-                return self.leaf_by_eights(first..end, t_max);
-            }
+        if const { is_filtered::<P>() } && (const { P::BALL.is_some() } || n > FEW) {
+            return self.leaf_by_eights(first..end, t_max);
         }
         for (place, &id) in (first..end).zip(&self.shapes.order[first..end]) {
             t_max = self.test.test(self.simd, self.shapes.at(place), id, t_max);
