@@ -7,7 +7,7 @@
 // a level has more of them than a work-group should go on with, it leaves that level to the work-groups of the next pass, which the device
 // dispatches. The last pass leaves nothing.
 // Reads: binary tree, boxes, wide nodes with the number of levels above each.
-// Writes: the size of an aligned node for each wide node by slot, except for roots; the wide nodes for the next pass, in any order, and its
+// Writes: the kind of each wide node by slot, aligned, except for roots; the wide nodes for the next pass, in any order, and its
 // work-groups; the depth.
 // Holds: which nodes are wide does not depend on the order of atomics.
 // use shared/build/wide
@@ -26,7 +26,7 @@ struct Limits {
 @group(0) @binding(5) var<storage, read_write> queue_out: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read> pass_in: PassSize;
 @group(0) @binding(7) var<storage, read_write> pass_out: NextPass;
-@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+@group(0) @binding(8) var<storage, read_write> kinds: array<u32>;
 /// The wide nodes that each work-group found, in the slots of its subtree.
 @group(0) @binding(9) var<storage, read_write> found: array<u32>;
 
@@ -89,7 +89,7 @@ fn main(id: Invocation) {
 fn open(now: Span, slot: u32) {
     let children = children_of(slot);
     if now.level > 0u {
-        units[slot] = ALIGNED;
+        kinds[slot] = ALIGNED;
     }
     for (var child = 0u; child < children.n; child++) {
         if !is_leaf(children.words[child]) {
@@ -99,18 +99,18 @@ fn open(now: Span, slot: u32) {
 }
 
 // part kinds
-// The kind of each wide node but roots, as its size in memory. Without this pass all nodes are aligned.
+// The kind of each wide node but roots. Without this pass all nodes are aligned.
 //
 // A node is oriented where that lowers the predicted cost: what its test costs more, for rays that enter its own box, is less than
 // what the smaller boxes of its children save. Costs are those of `canted_wide::Costs`.
 // Reads: binary tree, aligned and oriented boxes, triangles, which binary nodes are wide ones.
-// Writes: sizes of wide nodes by slot.
+// Writes: kinds of wide nodes by slot.
 // use shared/build/wide
 // use shared/build/wide_word
 // use shared/volumes/item/triangles
 // use shared/build/length
 
-@group(0) @binding(3) var<storage, read_write> units: array<u32>;
+@group(0) @binding(3) var<storage, read_write> kinds: array<u32>;
 @group(0) @binding(4) var<storage, read> leaves: array<u32>;
 /// Fifteen floats per inner node: center, three axes, half-extents.
 @group(0) @binding(5) var<storage, read> obbs: array<f32>;
@@ -149,22 +149,22 @@ fn kind_of(slot: u32, children: Children) -> u32 {
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
     let slot = slice_item(id, 64u);
-    if slot < slice.end && units[slot] != 0u {
-        units[slot] = kind_of(slot, children_of(slot));
+    if slot < slice.end && kinds[slot] != 0u {
+        kinds[slot] = kind_of(slot, children_of(slot));
     }
 }
 
 // part slots
 // The order of wide nodes in memory: each tree has room of its own, in which the root comes first, then all others by the slots of
 // their binary nodes.
-// Reads: sizes of wide nodes, their prefix sums, the first unit of each tree.
-// Writes: the word of each wide node by slot; the slot of each wide node by its first unit, plus one.
+// Reads: kinds of wide nodes, the number of them before each slot, the first unit of each tree.
+// Writes: the word of each wide node by slot; the slot of each wide node by its unit, plus one.
 // use shared/build/slice
 // use shared/build/wide_word
 // use shared/build/tree/forest
 // const MAX_LEAF
 
-@group(0) @binding(1) var<storage, read> units: array<u32>;
+@group(0) @binding(1) var<storage, read> kinds: array<u32>;
 @group(0) @binding(2) var<storage, read> prefixes: array<u32>;
 /// The first unit of each tree, and the end.
 @group(0) @binding(3) var<storage, read> first_units: array<u32>;
@@ -180,19 +180,19 @@ fn main(id: Invocation) {
     let tree = tree_of(slot);
     let range = ranges[tree];
     let is_root = slot == range.first && range.count > MAX_LEAF;
-    if !is_root && units[slot] == 0u {
+    if !is_root && kinds[slot] == 0u {
         return;
     }
-    // A root has no size of its own.
+    // A root is not among those before.
     let place = first_units[tree] + select(1u + prefixes[slot] - prefixes[range.first], 0u, is_root);
-    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, units[slot] == ORIENTED);
+    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, kinds[slot] == ORIENTED);
     wide_slots[place] = slot + 1u;
 }
 
 // choice children/kept
 // The children of each wide node, which stay the same while only boxes change.
 
-/// Eight words for each wide node, by its first unit, as in `Node`; `NONE` where there is no child.
+/// Eight words for each wide node, by its unit, as in `Node`; `NONE` where there is no child.
 @group(0) @binding(10) var<storage, read> wide_children: array<u32>;
 
 /// They are there already.
@@ -314,16 +314,17 @@ fn main(id: Invocation) {
 }
 
 // part oriented
-// Wide nodes with a frame for each child, in the layout of shared/bvh, `node_kinds`.
+// Wide nodes with a frame of 32 bits for each child, in the layout of shared/bvh, `node_kinds`.
 //
 // # Half-extents
-// A slab as in shared/build/pair/obb holds all points of the box, about the box's center. The node stores the
-// coordinate of the center along the axis, a dot product that errs by 3 E of its absolute terms, less than 4 E as computed; the
+// The extent of the box about its center along a row of its frame is as in shared/volumes/slab. The node stores the
+// coordinate of the center along the row, a dot product that errs by 3 E of its absolute terms, less than 4 E as computed; the
 // half-extent grows by as much.
 // Reads: binary tree, oriented boxes, triangles, the order of wide nodes and their children.
 // Writes: one node for each that is oriented.
 // use shared/build/wide_target
 // use ?children
+// use shared/frame/nearest
 // use shared/volumes/frame
 // use shared/volumes/slab
 // use shared/volumes/item/triangles
@@ -370,30 +371,27 @@ fn main(id: Invocation) {
             continue;
         }
         let box = oriented_box_of(found);
+        let frame = nearest_frame(box.frame);
+        var rows = rows_of_frame(frame);
         for (var k = 0u; k < 3u; k++) {
-            let slab = slab_of(box.frame, box.half_extents, k);
-            let axis = slab.xyz;
-            let half = slab.w + 4.0 * ROUNDING * dot(abs(axis), abs(box.center));
-            let row = at + 40u * k + child;
-            wide_nodes[row] = bitcast<u32>(axis.x);
-            wide_nodes[row + 8u] = bitcast<u32>(axis.y);
-            wide_nodes[row + 16u] = bitcast<u32>(axis.z);
-            wide_nodes[row + 24u] = bitcast<u32>(dot(axis, box.center));
-            wide_nodes[row + 32u] = bitcast<u32>(half * (1.0 + 2.0 * ROUNDING));
+            let row = rows[k];
+            let half = extent_along(row, box.frame, box.half_extents) + 4.0 * ROUNDING * dot(abs(row), abs(box.center));
+            wide_nodes[at + 16u * k + child] = bitcast<u32>(dot(row, box.center));
+            wide_nodes[at + 16u * k + 8u + child] = bitcast<u32>(half * (1.0 + 2.0 * ROUNDING));
         }
-        wide_nodes[at + 120u + child] = word_of(found);
+        wide_nodes[at + 48u + child] = word_of(found);
+        wide_nodes[at + 56u + child] = frame;
     }
 }
 
 /// An empty slot.
 fn put_nothing(at: u32) {
     for (var k = 0u; k < 3u; k++) {
-        for (var row = 0u; row < 4u; row++) {
-            wide_nodes[at + 40u * k + 8u * row] = 0u;
-        }
-        wide_nodes[at + 40u * k + 32u] = MINUS_NOWHERE;
+        wide_nodes[at + 16u * k] = 0u;
+        wide_nodes[at + 16u * k + 8u] = MINUS_NOWHERE;
     }
-    wide_nodes[at + 120u] = EMPTY;
+    wide_nodes[at + 48u] = EMPTY;
+    wide_nodes[at + 56u] = 0u;
 }
 
 // part triangles

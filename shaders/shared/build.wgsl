@@ -608,7 +608,7 @@ struct Level {
 
 /// The word of each wide node by slot.
 @group(0) @binding(4) var<storage, read> wide_words: array<u32>;
-/// The slot of each wide node by its first unit, plus one.
+/// The slot of each wide node by its unit, plus one.
 @group(0) @binding(6) var<storage, read> wide_slots: array<u32>;
 @group(0) @binding(7) var<uniform> target_level: Level;
 @group(0) @binding(8) var<storage, read_write> wide_nodes: array<u32>;
@@ -643,12 +643,12 @@ fn word_of(child: u32) -> u32 {
 }
 
 // part wide_word
-// Kinds of wide nodes as their sizes in units of memory, and their words: the first cache line, and the kind. As in shared/bvh.
+// Kinds of wide nodes, and their words: the first cache line, and the kind. As in shared/bvh.
 
 const ALIGNED: u32 = 1u;
 const ORIENTED: u32 = 2u;
 
-/// Cache lines of a unit of memory, which is an aligned node or half an oriented one.
+/// Cache lines of a unit of memory, which is a node.
 const UNIT_LINES: u32 = 4u;
 
 /// Bits of a word for the kind of an oriented node.

@@ -67,11 +67,10 @@ struct Space {
     /// Scaled `t` per caller's `t`, a power of two, and its reciprocal.
     to_scaled: f32,
     from_scaled: f32,
-    /// For aligned nodes: reciprocals of the direction, offsets of the near and far planes, first quads of the near planes.
+    /// For aligned nodes: reciprocals of the direction, offsets of the near and far planes.
     recip: vec3<f32>,
     near: vec3<f32>,
     far: vec3<f32>,
-    near_quads: vec3<u32>,
     oriented_pad: f32,
     /// Deviation from the CPU's ray in sheared coordinates: per distance, and constant.
     drift: vec2<f32>,
@@ -135,8 +134,6 @@ fn thicken(bvh: Bvh) {
     let toward = select(vec3<f32>(pad), vec3<f32>(-pad), backward);
     space.near = (origin + toward) * space.recip;
     space.far = (origin - toward) * space.recip;
-    // Rows are two quads. For a negative direction the near plane is the upper one.
-    space.near_quads = vec3<u32>(0u, 4u, 8u) + select(vec3<u32>(0u), vec3<u32>(2u), backward);
 }
 
 /// Largest distance of a hit from its triangle, in each coordinate, for a ray whose origin is at `far_off`; `scale` includes the reach.
@@ -191,6 +188,16 @@ fn quad(at: u32) -> vec4<f32> {
     return bitcast<vec4<f32>>(nodes[at]);
 }
 
+/// The words of four children.
+fn child_words(word: u32, half: u32) -> vec4<u32> {
+    return nodes[quads_of(word) + 12u + half];
+}
+
+/// The word of a child.
+fn child_word(word: u32, child: u32) -> u32 {
+    return nodes[quads_of(word) + 12u + (child >> 2u)][child & 3u];
+}
+
 /// Scaled `t` where the ray enters and leaves four boxes.
 struct Spans {
     near: vec4<f32>,
@@ -199,8 +206,10 @@ struct Spans {
 
 /// Rows lo x, hi x, lo y, hi y, lo z, hi z in the mesh frame.
 fn aligned_spans(at: u32, t_max: f32) -> Spans {
-    let q = vec3<u32>(at) + space.near_quads;
-    let p = vec3<u32>(at) + (space.near_quads ^ vec3<u32>(2u));
+    // Rows are two quads. For a negative direction the near plane is the upper one.
+    let near_quads = vec3<u32>(0u, 4u, 8u) + select(vec3<u32>(0u), vec3<u32>(2u), space.recip < vec3<f32>(0.0));
+    let q = vec3<u32>(at) + near_quads;
+    let p = vec3<u32>(at) + (near_quads ^ vec3<u32>(2u));
     let near_x = quad(q.x) * space.recip.x - vec4<f32>(space.near.x);
     let near_y = quad(q.y) * space.recip.y - vec4<f32>(space.near.y);
     let near_z = quad(q.z) * space.recip.z - vec4<f32>(space.near.z);
@@ -264,20 +273,10 @@ fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
     return aligned_spans(quads_of(word) + half, t_max);
 }
 
-/// The words of four children.
-fn child_words(word: u32, half: u32) -> vec4<u32> {
-    return nodes[quads_of(word) + 12u + half];
-}
-
-/// The word of a child.
-fn child_word(word: u32, child: u32) -> u32 {
-    return nodes[quads_of(word) + 12u + (child >> 2u)][child & 3u];
-}
-
 // choice node_kinds/any
-// Aligned nodes, and oriented nodes with a frame per child.
+// Aligned nodes, and oriented nodes with a frame per child (shared/frame).
 // use shared/bvh/node
-// use shared/invocation/iterations
+// use shared/frame
 
 /// Spans of four children of a node.
 fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
@@ -292,42 +291,32 @@ fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
     }
 }
 
-/// The words of four children.
-fn child_words(word: u32, half: u32) -> vec4<u32> {
-    let row = select(30u, 12u, (word >> 29u) == 0u);
-    return nodes[quads_of(word) + row + half];
-}
-
-/// The word of a child.
-fn child_word(word: u32, child: u32) -> u32 {
-    let row = select(30u, 12u, (word >> 29u) == 0u);
-    return nodes[quads_of(word) + row + (child >> 2u)][child & 3u];
-}
-
-/// For each axis: three components of the children's rows, centers, half-extents.
+/// Rows: centers and half-extents along each of three axes; after the words, frames.
 fn oriented_spans(at: u32, t_max: f32) -> Spans {
-    var near = vec4<f32>(space.t_min);
-    var far = vec4<f32>(t_max);
-    iterations += 4u;
-    for (var k = 0u; k < 3u; k += 1u) {
-        let q = at + 10u * k;
-        let x = quad(q);
-        let y = quad(q + 2u);
-        let z = quad(q + 4u);
-        let p = x * space.origin.x + (y * space.origin.y + (z * space.origin.z - quad(q + 6u)));
-        let d = x * space.direction.x + (y * space.direction.y + z * space.direction.z);
-        let h = quad(q + 8u) + vec4<f32>(space.oriented_pad);
-        let a = guarded_reciprocals(d);
-        let center = select(p, -p, d < vec4<f32>(0.0)) * a;
-        near = max(-(h * a) - center, near);
-        far = min(h * a - center, far);
-    }
-    return Spans(near, far);
+    let frames = bitcast<vec4<i32>>(nodes[at + 14u]);
+    let a = vec4<f32>(extractBits(frames, 0u, 11u)) * FRAME_STEP;
+    let b = vec4<f32>(extractBits(frames, 11u, 11u)) * FRAME_STEP;
+    let c = vec4<f32>(extractBits(frames, 21u, 11u)) * FRAME_STEP;
+    let rest = 0.5 * ((FRAME_REAL * FRAME_REAL - a * a) - (b * b + c * c));
+    var spans = Spans(vec4<f32>(space.t_min), vec4<f32>(t_max));
+    spans = clipped(spans, at, rest + a * a, a * b - FRAME_REAL * c, a * c + FRAME_REAL * b);
+    spans = clipped(spans, at + 4u, a * b + FRAME_REAL * c, rest + b * b, b * c - FRAME_REAL * a);
+    return clipped(spans, at + 8u, a * c - FRAME_REAL * b, b * c + FRAME_REAL * a, rest + c * c);
 }
 
-/// `1/|d|`, bounded.
+/// Spans between the planes across the rows x, y, z of four children.
+fn clipped(spans: Spans, at: u32, x: vec4<f32>, y: vec4<f32>, z: vec4<f32>) -> Spans {
+    let from_center = x * space.origin.x + (y * space.origin.y + (z * space.origin.z - quad(at)));
+    let d = x * space.direction.x + (y * space.direction.y + z * space.direction.z);
+    let inverse = guarded_reciprocals(d);
+    let center = from_center * inverse;
+    let extent = (quad(at + 2u) + vec4<f32>(space.oriented_pad)) * abs(inverse);
+    return Spans(max(-extent - center, spans.near), min(extent - center, spans.far));
+}
+
+/// `1/d`, bounded.
 fn guarded_reciprocals(d: vec4<f32>) -> vec4<f32> {
-    return vec4<f32>(1.0) / max(abs(d), vec4<f32>(MIN_DIRECTION));
+    return vec4<f32>(1.0) / select(d, vec4<f32>(MIN_DIRECTION), abs(d) < vec4<f32>(MIN_DIRECTION));
 }
 
 // part volume

@@ -239,20 +239,20 @@ fn octant_of_space() -> u32 {
 
 /// Masks of the children of a node that the ray enters, in its order: those to traverse, and leaves.
 fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
-    var all = vec4<u32>(0u);
-    var leaf = vec4<u32>(0u);
+    var all = 0u;
+    var leaf = 0u;
     // One in which the loop ends.
     iterations += 3u;
     for (var half = 0u; half < 2u; half += 1u) {
         let spans = spans_of(word, half, limit());
         let ranks = vec4<u32>(0u, 1u, 2u, 3u) ^ vec4<u32>(octant ^ (half << 2u));
         let bits = select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
-        all |= bits;
-        leaf |= bits & (vec4<u32>(0u) - (child_words(word, half) >> vec4<u32>(31u)));
+        let of_leaves = bits & (vec4<u32>(0u) - (child_words(word, half) >> vec4<u32>(31u)));
+        all |= (bits.x | bits.y) | (bits.z | bits.w);
+        leaf |= (of_leaves.x | of_leaves.y) | (of_leaves.z | of_leaves.w);
     }
-    let entered = (all.x | all.y) | (all.z | all.w);
-    let leaves = select(0u, (leaf.x | leaf.y) | (leaf.z | leaf.w), are_leaves_apart);
-    return vec2<u32>(entered & ~leaves, leaves);
+    let leaves = select(0u, leaf, are_leaves_apart);
+    return vec2<u32>(all & ~leaves, leaves);
 }
 
 /// Tests the triangle at a quad, and keeps what is certain about its hit: nothing where `is_masked`.

@@ -462,7 +462,7 @@ fn axes_between(a: mat3x3<f32>, b: mat3x3<f32>, weights: vec2<f32>) -> mat3x3<f3
 //
 // # Half-extents
 // A point of the box is `c + F q` with `|q_j| <= h_j`, for any columns F: boxes of instances may be scaled and
-// skewed. Along an axis w, the stored unit vector along a column, it lies within the sum of `|w F_j| h_j`. With E = 2^-23, a dot
+// skewed. Along an axis w, of length 1 or less, it lies within the sum of `|w F_j| h_j`. With E = 2^-23, a dot
 // product errs by 3 E of its absolute terms, less than 4 E as computed; the sum and the products with h_j take four more
 // roundings, and 6 E covers these.
 // use shared/volumes/enclosure
@@ -471,10 +471,15 @@ fn axes_between(a: mat3x3<f32>, b: mat3x3<f32>, weights: vec2<f32>) -> mat3x3<f3
 fn slab_of(columns: mat3x3<f32>, half_extents: vec3<f32>, k: u32) -> vec4<f32> {
     var all = columns;
     let axis = unit_along(all[k]);
+    return vec4<f32>(axis, extent_along(axis, columns, half_extents));
+}
+
+/// The half-extent of a box along an axis.
+fn extent_along(axis: vec3<f32>, columns: mat3x3<f32>, half_extents: vec3<f32>) -> f32 {
     let along = abs(vec3<f32>(dot(axis, columns[0]), dot(axis, columns[1]), dot(axis, columns[2])));
     let size = abs(axis);
     let sizes = vec3<f32>(dot(size, abs(columns[0])), dot(size, abs(columns[1])), dot(size, abs(columns[2])));
-    return vec4<f32>(axis, dot(along + 4.0 * ROUNDING * sizes, half_extents) * (1.0 + 6.0 * ROUNDING) + TINY);
+    return dot(along + 4.0 * ROUNDING * sizes, half_extents) * (1.0 + 6.0 * ROUNDING) + TINY;
 }
 
 /// The unit vector along a column, of any length above 1e-30. Its own rounding moves the axis, not the half-extent along it.

@@ -163,9 +163,10 @@
 //! A binary node is two children. In a BVH with axis-aligned boxes ([`Strategy::Aabb`]) a node has 64 bytes and a child two rows: lower ends and word, upper
 //! ends and zero. In all others a node has 128 bytes and a child four rows: three times an axis and the half-extent along it, then center and word.
 //!
-//! A wide node has eight children, and a double row of eight numbers for each property. Aligned nodes have 256 bytes: lower and upper ends along
-//! x, along y, along z, the words, and unused numbers. Oriented nodes have 512 bytes: for each of three axes its x, y, z, the center along it, and
-//! the half-extent; then the words. Only the CPU builds leaves of more than four triangles.
+//! A wide node has 256 bytes, eight children, and a double row of eight numbers for each property. Aligned nodes have lower and upper ends along
+//! x, along y, along z, the words, and unused numbers. Oriented nodes have the center and the half-extent along each of
+//! three axes, the words, and frames. A frame is the rotation by a quaternion `(2470, a, b, c)`; a, b, c are integers of 11 bits with signs, from bits 0, 11 and 21 on.
+//! The axes are the rows of its matrix divided by 2^23, whose length is below 1. Only the CPU builds leaves of more than four triangles.
 //!
 //! # Guarantees
 //!

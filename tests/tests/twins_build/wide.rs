@@ -359,10 +359,9 @@ pub(crate) fn check(wide: &Wide<'_>, triangles: &[Corners]) -> Result<usize, Str
             _ => return Err(format!("{word:x} is no word")),
         };
         n_oriented += usize::from(is_oriented);
-        let (size, first_word) = if is_oriented { (128, 120) } else { (64, 48) };
         let start = 16 * (word & 0x1fff_ffff) as usize;
-        let words = wide.nodes.as_flattened().get(start..start + size).ok_or(format!("no node {word:x}"))?;
-        let children = &words[first_word..first_word + 8];
+        let words = wide.nodes.as_flattened().get(start..start + 64).ok_or(format!("no node {word:x}"))?;
+        let children = &words[48..56];
         let n_children = children.iter().filter(|&&word| word != EMPTY).count();
         if n_children < 2 {
             return Err(format!("node {word:x} has {n_children} children"));
@@ -370,7 +369,11 @@ pub(crate) fn check(wide: &Wide<'_>, triangles: &[Corners]) -> Result<usize, Str
         for (i, &child) in children.iter().enumerate() {
             let row = |k: usize| f32::from_bits(words[8 * k + i]);
             let volume = if is_oriented {
-                Volume::Oriented(std::array::from_fn(|axis| std::array::from_fn(|k| row(5 * axis + k))))
+                let axes = axes_of(words[56 + i]);
+                Volume::Oriented(std::array::from_fn(|k| {
+                    let [x, y, z] = axes[k];
+                    [x, y, z, row(2 * k), row(2 * k + 1)]
+                }))
             } else {
                 Volume::Aligned([[row(0), row(2), row(4)], [row(1), row(3), row(5)]])
             };
@@ -408,9 +411,25 @@ impl Volume {
     fn is_nowhere(&self) -> bool {
         match self {
             Self::Aligned([low, high]) => (0..3).all(|k| low[k] > 1e18 && high[k] < -1e18),
-            Self::Oriented(slabs) => slabs.iter().all(|&[x, y, z, _, half]| [x, y, z] == [0.0; 3] && half < -1e18),
+            Self::Oriented(slabs) => slabs.iter().all(|&[.., half]| half < -1e18),
         }
     }
+}
+
+/// The axes of a frame, by integers: the matrix of the quaternion `(2470, a, b, c)`, divided by 2^23.
+fn axes_of(frame: u32) -> [[f32; 3]; 3] {
+    let signed = |shift: u32| {
+        let field = i64::from(frame >> shift & 0x7ff);
+        if field < 1024 { field } else { field - 2048 }
+    };
+    let [w, x, y, z] = [2470, signed(0), signed(11), signed(21)];
+    let rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ];
+    // All are below 2^24, so they are exact.
+    rows.map(|row| row.map(|x| x as f32 / 8_388_608.0))
 }
 
 /// Numbers and corners of the triangles of a check_leaf.

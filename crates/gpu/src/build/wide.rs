@@ -24,12 +24,11 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 /// Most triangles of a leaf: those that a ray tests at once.
 pub const MAX_LEAF: u32 = 4;
 
-/// Quads of a unit of memory, which is an aligned node or half an oriented one, and of a triangle.
+/// Quads of a unit of memory, which is a node, and of a triangle.
 const UNIT_QUADS: u32 = 16;
 const TRIANGLE_QUADS: usize = 3;
 
-/// Eight-wide BVHs in device memory, with the nodes of [`RawBvh`](canted_wide::RawBvh): those over triangles, then that over
-/// instances.
+/// Eight-wide BVHs in device memory: those over triangles, then that over instances.
 pub struct WideBvhs {
     /// Nodes, in quads of words.
     pub nodes: Buffer<[u32; 4]>,
@@ -241,14 +240,14 @@ struct CollapsedLevel {
     first_units: Buffer<u32>,
     /// The level's first unit among those of all levels.
     first_unit: u32,
-    /// Units of memory of the wide node of each slot, except for roots, and its word.
-    units: Buffer<u32>,
+    /// The kind of the wide node of each slot, except for roots, and its word.
+    kinds: Buffer<u32>,
     words: Buffer<u32>,
-    /// The slot of each wide node, by its first unit, plus one.
+    /// The slot of each wide node, by its unit, plus one.
     slots: Buffer<u32>,
-    /// The children of each wide node, by its first unit.
+    /// The children of each wide node, by its unit.
     children: Buffer<[u32; WIDTH as usize]>,
-    /// Units of memory of the wide nodes before each slot. Kept, because several trees may be recorded into one encoder.
+    /// The number of wide nodes before each slot. Kept, because several trees may be recorded into one encoder.
     prefixes: Buffer<u32>,
     /// What the passes of the first search found, with the depth.
     passes: Vec<Buffer<PassSize>>,
@@ -260,7 +259,7 @@ impl CollapsedLevel {
         let n = built.primitives.len() as usize;
         Ok(Self {
             first_units: gpu.buffer("first units of trees", &capacity.first_units)?,
-            units: gpu.zeroed("sizes of wide nodes", n)?,
+            kinds: gpu.zeroed("kinds of wide nodes", n)?,
             words: gpu.zeroed("words of wide nodes", n)?,
             slots: gpu.zeroed("slots of wide nodes", capacity.n_units() as usize)?,
             children: gpu.zeroed("children of wide nodes", capacity.n_units() as usize)?,
@@ -282,7 +281,7 @@ impl CollapsedLevel {
         let [first, end] = built.primitives.of_trees(trees);
         let units = self.capacity.units(trees);
         build.stage("collapse", |dispatches| {
-            dispatches.work.clear_range(&self.units, first, end - first);
+            dispatches.work.clear_range(&self.kinds, first, end - first);
             dispatches.work.clear_range(&self.slots, units[0], units[1] - units[0]);
             Ok(())
         })?;
@@ -326,7 +325,7 @@ impl CollapsedLevel {
                     ("queue_out", &queue_out),
                     ("pass_in", pass_in),
                     ("pass_out", &pass_out),
-                    ("units", &self.units),
+                    ("kinds", &self.kinds),
                     ("found", &found),
                 ];
                 let chosen =
@@ -353,7 +352,7 @@ impl CollapsedLevel {
         let gpu = build.gpu();
         let range = built.primitives.of_trees(trees);
         let bound = built.primitives.bound(&[
-            ("units", &self.units),
+            ("kinds", &self.kinds),
             ("prefixes", &self.prefixes),
             ("first_units", &self.first_units),
             ("wide_words", &self.words),
@@ -364,11 +363,12 @@ impl CollapsedLevel {
         ]);
         build.stage("collapse", |dispatches| {
             let chosen = Variant::none().number(Number::MaxLeaf, self.capacity.max_leaf);
+            // While all are aligned, which is 1.
+            prefix_sums(dispatches, &self.kinds, &self.prefixes, range)?;
             if let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) {
                 let bound = [&bound[..], &[("obbs", obbs)]].concat();
                 dispatches.range(&*gpu.kernel(wgsl::build::wide::KINDS, &chosen)?, &bound, range)?;
             }
-            prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
             dispatches.range(&*gpu.kernel(wgsl::build::wide::SLOTS, &chosen)?, &bound, range)
         })
     }
@@ -432,12 +432,10 @@ impl Capacity {
             Some(_) => (MAX_LEAF, built.obbs.is_some()),
             None => (1, false),
         };
-        let size = if is_oriented { 2 } else { 1 };
         let mut end = 0;
         let mut first_units = vec![0];
         for range in built.primitives.ranges() {
-            // The root is aligned.
-            end += 1 + size * most_nodes(range.count, max_leaf);
+            end += 1 + most_nodes(range.count, max_leaf);
             first_units.push(end);
         }
         Self { max_leaf, is_oriented, first_units }

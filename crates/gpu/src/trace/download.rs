@@ -11,6 +11,7 @@ use canted_trace::TriangleTest;
 use canted_wide::{RawBvh, TriangleBvh};
 
 use super::TracedScene;
+use super::frames::unpacked;
 use super::layout::{BvhHeader, EMPTY, LEAF, Quad};
 use super::leaf_triangles::in_blocks;
 use super::nodes::{Nodes, WideNodes};
@@ -100,6 +101,7 @@ fn wide(nodes: &[Quad], triangles: &[Quad], header: &BvhHeader) -> Result<Triang
     let (nodes, triangles) = own.ok_or("it starts beyond its memory")?;
     let mut nodes = nodes.as_flattened().to_vec();
     let blocks = in_blocks(&mut nodes, &mut root, triangles)?;
+    let (nodes, root) = unpacked(&nodes, root)?;
     let frame = header.rows.map(|[x, y, z, _]| [x, y, z]);
     let raw =
         RawBvh { nodes: nodes.into(), blocks: &blocks, order: &[], root, depth: 0, frame, reach: header.rows[0][3] };

@@ -50,7 +50,7 @@ pub(super) fn is_aligned(nodes: &[Quad], root: u32) -> bool {
         if word >> KIND_SHIFT != 0 {
             return false;
         }
-        // An aligned node has its words in the last two of its sixteen quads but two.
+        // A node has its words in the last two of its sixteen quads but two.
         let words = &nodes[word as usize * LINE_QUADS + 12..][..2];
         waiting.extend(words.as_flattened());
     }

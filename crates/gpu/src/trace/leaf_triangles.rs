@@ -9,8 +9,9 @@ use canted_wide::RawBvh;
 
 use super::layout::{EMPTY, LEAF, Quad};
 
-/// Children of a node, words of a line, which is the unit of node addresses, and words of half a block.
+/// Children of a node, its row with their words, words of a line, which is the unit of node addresses, and words of half a block.
 const WIDTH: usize = 8;
+const WORDS_ROW: usize = 6;
 const LINE: usize = 16;
 const HALF_WORDS: usize = 40;
 
@@ -128,10 +129,8 @@ fn each_leaf(nodes: &mut [u32], root: &mut u32, mut change: impl FnMut(&mut u32)
     let mut is_seen = vec![false; nodes.len() / LINE + 1];
     let mut waiting = vec![*root];
     while let Some(word) = waiting.pop() {
-        // The kind of a node, as in `shared/bvh/node_kinds`.
-        let words_row = if word >> 29 == 0 { 6 } else { 15 };
         let line = (word & 0x1fff_ffff) as usize;
-        let first = line * LINE + words_row * WIDTH;
+        let first = line * LINE + WORDS_ROW * WIDTH;
         let Some(children) = nodes.get_mut(first..first + WIDTH) else { continue };
         if std::mem::replace(&mut is_seen[line], true) {
             continue;

@@ -13,6 +13,7 @@ mod layout;
 
 mod leaf_triangles;
 
+mod frames;
 mod leaf_curves;
 mod octants;
 mod ray_list;

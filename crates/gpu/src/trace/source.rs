@@ -5,6 +5,7 @@ use canted_tlas::Instance;
 use canted_trace::RoundSegment;
 use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
+use super::frames::packed;
 use super::instances::MeshBounds;
 use super::leaf_curves::{CurveKinds, DeviceCurve, HostCurves};
 use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
@@ -113,10 +114,11 @@ impl<'a> HostBvh<'a> {
 
     /// The BVH as it is uploaded.
     pub(super) fn uploaded<'w>(self, words: &RawBvh<'w>, masked: &[bool]) -> Result<UploadedBvh<'w>, GpuError> {
+        let packed = packed(&by_octants(words));
         let (bvh, what) = match self {
-            Self::Triangles(_) => (UploadedBvh::over_triangles(by_octants(words), masked), "triangles"),
-            Self::Segments(bvh) => (UploadedBvh::over_segments(by_octants(words), &bvh.primitives()), "segments"),
-            Self::Curves(bvh) => (UploadedBvh::over_curves(by_octants(words), bvh.records(words)), "curves"),
+            Self::Triangles(_) => (UploadedBvh::over_triangles(packed, masked), "triangles"),
+            Self::Segments(bvh) => (UploadedBvh::over_segments(packed, &bvh.primitives()), "segments"),
+            Self::Curves(bvh) => (UploadedBvh::over_curves(packed, bvh.records(words)), "curves"),
         };
         let n = bvh.triangles.len();
         if n > MOST_TRIANGLES {
