@@ -104,6 +104,7 @@ fn span_of_segment(segment: Segment) -> SegmentSpan {
     }
     let m = segment.base + shift * d;
     var n_lateral = 0u;
+    var is_steep = false;
     if is_cone {
         let moment = across_of(m, v);
         let along_m = project(m, v);
@@ -113,6 +114,7 @@ fn span_of_segment(segment: Segment) -> SegmentSpan {
         let b = project(moment, across) - delta * delta * project(m, d) + r * delta * along_d;
         let c = project(moment, moment) - delta * delta * project(m, m) - axis_squared * r * r + 2.0 * r * delta * along_m;
         let square = b * b - a * c;
+        is_steep = a < 0.0;
         if square >= 0.0 {
             let root = guarded_root(square);
             let q = select(-root - b, root - b, b < 0.0);
@@ -126,8 +128,9 @@ fn span_of_segment(segment: Segment) -> SegmentSpan {
             }
         }
     }
-    // The hull is convex: where both points are on the lateral surface, the balls are between them.
-    for (var k = 0u; k < 2u && n_lateral < 2u; k += 1u) {
+    // The hull is convex: where both points are on the lateral surface, the balls are between them. A line that is steeper than the surface meets
+    // it once, and the other half of the cone once; through an apex both roots are there.
+    for (var k = 0u; k < 2u && (n_lateral < 2u || is_steep); k += 1u) {
         let w = m - f32(k) * v;
         let radius = segment.radii[k];
         let nearest = -project(w, d) * reciprocal(d_squared);
