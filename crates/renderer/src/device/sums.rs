@@ -101,7 +101,8 @@ impl SumKernels {
         use wgsl::render::sum;
         let kernels = |summed: choice::Summed| -> Result<BlocksAndPixels, GpuError> {
             let chosen = chosen.clone().with(summed);
-            let [blocks, pixels] = [sum::BLOCKS, sum::PIXELS].map(|name| Ok((name, chosen.of_kernel(name)?)));
+            let [blocks, pixels] =
+                [sum::BLOCKS, sum::PIXELS].map(|name| Ok::<_, GpuError>((name, chosen.of_kernel(name)?)));
             let [blocks, pixels] = &gpu.kernels(&[blocks?, pixels?])?[..] else {
                 unreachable!("a kernel for each name")
             };
