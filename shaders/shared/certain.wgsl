@@ -84,8 +84,8 @@ var<private> best_at: u32;
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// A ray of the kernel's `rays`, read again on the way out of an instance. Otherwise it waits in registers meanwhile: RADV gfx1100 then
-/// takes 120 vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`:
+/// A ray of the kernel's `rays`, read again on the way out of an instance. Otherwise it waits in registers meanwhile: with aligned nodes RADV
+/// gfx1100 then takes 120 vector registers instead of 84. Compilers join two reads of the same place, so they must not see that the sum is `index`:
 /// iterations have less than 32 bits.
 fn ray_again(index: u32) -> Ray {
     return rays[index + (iterations >> 31u)];

@@ -126,7 +126,7 @@ impl SampleSums {
     #[must_use]
     pub fn of_fewer_bytes(settings: &Settings) -> Self {
         let n_records = settings.part.map_or(1, |[first, end]| Block::of(first..end).len());
-        // With AOVs, those of first hits beside.
+        // With AOVs, 64 bytes more for each sample and 112 for each sum.
         let [of_sample, of_sum] = if settings.aovs.is_empty() { [16, 64] } else { [16 + 64, 64 + 112] };
         if of_sample * settings.range().len() > of_sum * n_records { Self::Device } else { Self::Host }
     }

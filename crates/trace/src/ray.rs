@@ -86,8 +86,8 @@ pub struct ScaledRay {
     pub time: f32,
     /// Mask of the ray.
     pub mask: u32,
-    /// The bits of both ends of the caller's interval, the second above. One number: compilers read two as one, which waits where each has just been
-    /// written for itself.
+    /// The bits of both ends of the caller's interval, the second above. As one number, since two that are written one by one and read together stall
+    /// the load.
     interval: u64,
     /// Scaled `t` over `t`: an exact power of two.
     to_scaled: f64,

@@ -40,10 +40,10 @@ struct PackedBox {
 }
 
 /// A BVH of the CPU with the nodes of a device, in the same order.
-pub(super) fn packed<'a>(bvh: &RawBvh<'a>) -> RawBvh<'a> {
+pub(super) fn packed(bvh: RawBvh<'_>) -> RawBvh<'_> {
     let mut reached = nodes_below(bvh.root, |word| children(&bvh.nodes, word));
     if reached.iter().all(|word| word & ORIENTED == 0) {
-        return bvh.clone();
+        return bvh;
     }
     reached.sort_unstable_by_key(|word| word & LINES);
     let moved = |word: u32| {
@@ -69,7 +69,7 @@ pub(super) fn packed<'a>(bvh: &RawBvh<'a>) -> RawBvh<'a> {
             }
         }
     }
-    RawBvh { nodes: nodes.into(), root: moved(bvh.root), ..bvh.clone() }
+    RawBvh { nodes: nodes.into(), root: moved(bvh.root), ..bvh }
 }
 
 /// Nodes of a device, and their root, with those of the CPU, whose rows are of unit length.
@@ -116,7 +116,7 @@ pub(super) fn unpacked(nodes: &[u32], root: u32) -> Result<(Vec<u32>, u32), Stri
 
 /// A box with rows of unit length around one of a device.
 ///
-/// A row errs by half of 2^-24 in each component, so along it a point of the box moves by less than 2^-24 of the sum of its coordinates
+/// A row errs by half of 2^-24 in each component, so along it a point of the box moves by less than 1.2 · 2^-24 of the sum of its coordinates
 /// along all three rows; the division and the rounding of center and half-extent take as much again.
 fn unit_slabs(frame: u32, ends: [[f32; 2]; 3]) -> Slabs {
     let rows = rows_of(frame).map(|row| row.map(f64::from));
@@ -217,6 +217,11 @@ fn nearest(rows: &[[f64; 3]; 3], determinant: f64) -> u32 {
     let [a, b] = [0, 1].map(|k| whole(steps[k], -1023.0, 1023.0));
     // Odd where b is negative.
     let half_of_c = whole(0.5 * (steps[2] - f64::from(b >> 31)), -512.0, 511.0);
+    let [a_steps, b_steps, c_steps] = [a, b, half_of_c << 1 | b >> 31].map(u32::cast_signed);
+    if 2470 * 2470 + a_steps * a_steps + b_steps * b_steps + c_steps * c_steps > 1 << 23 {
+        // Of axes that are far from orthogonal: rows would be longer than 1. The box is around the old one in any frame.
+        return 0;
+    }
     (a & 0x7ff) | (b & 0x7ff) << 11 | half_of_c << 22
 }
 
@@ -359,7 +364,7 @@ mod tests {
     fn boxes_hold_their_triangles() {
         for (number, mesh) in needles().iter().enumerate() {
             let bvh = oriented(mesh);
-            let words = packed(&by_octants(&bvh.raw()));
+            let words = packed(by_octants(&bvh.raw()));
             let mut uploaded = UploadedBvh::over_triangles(words, &[]);
             assert_eq!(flaw(&uploaded), None);
             let reached = nodes_below(uploaded.words.root, |word| children_of(&uploaded.words.nodes, word));
@@ -394,7 +399,7 @@ mod tests {
         for mesh in needles() {
             let bvh = oriented(&mesh);
             let raw = bvh.raw();
-            let words = packed(&raw);
+            let words = packed(raw.clone());
             let (nodes, root) = unpacked(&words.nodes, words.root).unwrap();
             let back = RawBvh { nodes: nodes.clone().into(), root, ..raw.clone() };
             let loaded = TriangleBvh::from_raw(&back, canted_trace::TriangleTest::Watertight).unwrap();

@@ -114,7 +114,7 @@ impl<'a> HostBvh<'a> {
 
     /// The BVH as it is uploaded.
     pub(super) fn uploaded<'w>(self, words: &RawBvh<'w>, masked: &[bool]) -> Result<UploadedBvh<'w>, GpuError> {
-        let packed = packed(&by_octants(words));
+        let packed = packed(by_octants(words));
         let (bvh, what) = match self {
             Self::Triangles(_) => (UploadedBvh::over_triangles(packed, masked), "triangles"),
             Self::Segments(bvh) => (UploadedBvh::over_segments(packed, &bvh.primitives()), "segments"),

@@ -81,7 +81,7 @@ const MOST_ROUNDS: u32 = 64;
 const SMALL_FRAME: u32 = 1 << 16;
 
 /// Samples of a frame up to which one kernel traces what the first round of rays leaves, so that a frame takes at most 20 dispatches with its rebuild, and two
-/// more where the device sums samples. That kernel decides rays exactly, so in larger frames it would cost more than the dispatches of further rounds.
+/// more where the device sums samples, four with AOVs. That kernel decides rays exactly, so in larger frames it would cost more than the dispatches of further rounds.
 const MEDIUM_FRAME: u32 = 1 << 18;
 
 /// Rounds of rays in such a frame.

@@ -84,9 +84,8 @@ impl std::error::Error for EditError {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 impl<P: Primitive> WideBvh<P> {
-    /// Adds a primitive, in a leaf of its own, where a build puts up to eight spheres into one; returns its number, which is that of
-    /// primitives
-    /// before.
+    /// Adds a primitive, in a leaf of its own, where a build puts up to 32 spheres into one; returns its number, which is the number of
+    /// primitives before.
     ///
     /// # Errors
     /// A primitive whose bounds are empty or not finite; more than [`MAX_PRIMITIVES`]. The BVH is then unchanged.

@@ -179,7 +179,7 @@ pub(crate) const fn is_filtered<P: Primitive>() -> bool {
     P::BALL.is_some() || P::HULL.is_some()
 }
 
-/// What builds and refits ask of a primitive of any type: their code is compiled once for all types.
+/// What builds and refits need of a primitive of any type: their code is compiled once for all types.
 pub(crate) trait Bounded: Send + Sync {
     /// [`Primitive::bounds`].
     fn bounds(&self) -> Aabb;
