@@ -306,6 +306,17 @@ mod tests {
         assert!(farthest < 2.0 * (0.25 + 0.25 + 1.21_f64).sqrt() / 2470.0 && farthest > 5e-4, "{farthest}");
     }
 
+    /// Records of others may have axes that are far from orthogonal: no row gets longer than 1, as one of the nearest frame of these would.
+    #[test]
+    fn skewed_axes_get_no_longer_rows() {
+        let axis = |[x, y, z]: [f64; 3]| [x, y, z].map(|k| k / 3.0_f64.sqrt());
+        let old = [axis([1.0, 1.0, -1.0]), axis([1.0, -1.0, -1.0]), axis([1.0, -1.0, 1.0])];
+        let frame = nearest(&old, dot(old[0], cross(old[1], old[2])));
+        let square_of = |rows: [[f32; 3]; 3]| rows[0].map(f64::from).iter().map(|x| x * x).sum::<f64>();
+        assert!(square_of(rows_of(frame)) <= 1.0);
+        assert!(square_of(rows_of(0x401 | 0x401 << 11 | 0x200 << 22)) > 1.0);
+    }
+
     /// A vertex of a triangle outside of a box above it, in a BVH of a device.
     fn flaw(bvh: &UploadedBvh<'_>) -> Option<String> {
         let nodes = &bvh.words.nodes;
