@@ -17,7 +17,7 @@
 // are below 256 E of its size. So a point at the entry as computed is within HIT_ERROR of the surface, as for triangles: the quadratic equation
 // has terms of v^2 r^2 and v^2 p^2, where p is at most a few sizes from the line, so that rounding moves its value by some 30 E of v^2 r (r + |v|)
 // and its root off the surface by as much of |v| + r. One case is not within it: of rays that come from the tip of a segment, where the radius is
-// 0, and pass it at less than 1e-3 of the length, some enter at the near side of the other ball; queries leave these to exact arithmetic.
+// 0, and pass it at less than 1e-3 of the length, some enter at the near side of the other ball; queries leave these to the CPU, pictures show them.
 // use shared/bvh
 // use shared/triangle/records
 
