@@ -28,6 +28,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(a_hybrid_room_with_all_kinds_of_light),
         needs_device(the_comparison_detects_another_hybrid_light),
         needs_device(guides_match_the_cpu_for_both_integrators),
+        needs_device(an_added_ground_is_no_first_hit),
         needs_device(models_render_the_same_pictures).unless(model_files::missing()),
     ]
 }
@@ -292,6 +293,29 @@ fn guides_match_the_cpu_for_both_integrators() {
             assert!(fewer.pixels() == ours.pixels());
         }
     }
+}
+
+/// AOVs show the ground that was added to a scene as they show a miss.
+fn an_added_ground_is_no_first_hit() {
+    let gpu = gpu();
+    let (scene, camera) = scenes::textured();
+    let bvh = scene_bvh(&scene, Levels::Auto);
+    let settings = Settings {
+        width: 30,
+        height: 20,
+        samples: 4,
+        bounces: 1,
+        aovs: Integrator::Hybrid.aovs(),
+        ..Settings::default()
+    };
+    let shown = on_device(&gpu, &scene, &bvh, &camera, &settings);
+    let [ground, _] = shown.guides().iter().find_map(|guide| guide.first).expect("the camera sees the scene");
+    let scene = Scene { ground: Some(ground), ..scene };
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+    let theirs = on_cpu(&scene, &bvh, &camera, &settings);
+    let is_ground = |guide: &Guide| guide.first.is_some_and(|[instance, _]| instance == ground);
+    assert!(!ours.guides().iter().any(is_ground) && apart(&ours, &theirs) < 0.02, "{}", apart(&ours, &theirs));
+    assert!(apart(&shown, &theirs) > 0.1);
 }
 
 /// Files in the folder of model_files, and the greatest share of diverging pixels: leaves and thin textured cloth split many paths.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
-use canted_film::{CELL, Components, Guide, Pixel, Sums, Tile, Tiling};
+use canted_film::{CELL, Components, Pixel, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
 use super::picture::{CELL_PIXELS, Pace, Slice};
@@ -401,48 +401,6 @@ impl Cell {
             if let Some(guides) = guides {
                 sums.guide.push_sum(run.clone(), (&guides[index]).into());
             }
-        }
-    }
-}
-
-impl PackedGuide {
-    /// What the CPU found of a sample, as kernels keep it.
-    fn of(guide: &Guide) -> Self {
-        let narrow = |v: [f64; 3]| v.map(|x| x as f32);
-        let [instance, primitive] = guide.first.unwrap_or([u32::MAX, if guide.n_hits > 0 { 0 } else { u32::MAX }]);
-        let [n_boxes, n_triangles] = guide.tests.map(|n| n as f32);
-        Self {
-            normal: narrow(guide.normal),
-            depth: guide.depth as f32,
-            shading_normal: narrow(guide.shading_normal),
-            n_boxes,
-            albedo: narrow(guide.albedo),
-            n_triangles,
-            primitive,
-            instance,
-            padding: [0; 2],
-        }
-    }
-
-    /// Whether the traversal of the camera ray was not cut short.
-    fn is_complete(&self) -> bool {
-        self.primitive != u32::MAX - 1
-    }
-}
-
-impl From<&PackedGuide> for Guide {
-    fn from(guide: &PackedGuide) -> Self {
-        let is_triangle = guide.instance != u32::MAX;
-        // Without negative zeros, which sums would lose or not by the order of their terms.
-        let number = |x: f32| if x.is_finite() { f64::from(x) + 0.0 } else { 0.0 };
-        Self {
-            n_hits: (is_triangle || guide.primitive != u32::MAX).into(),
-            first: is_triangle.then_some([guide.instance, guide.primitive]),
-            depth: number(guide.depth),
-            normal: guide.normal.map(number),
-            shading_normal: guide.shading_normal.map(number),
-            albedo: guide.albedo.map(number),
-            tests: [guide.n_boxes, guide.n_triangles].map(f64::from),
         }
     }
 }

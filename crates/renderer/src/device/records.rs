@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::Aovs;
+use canted_film::{Aovs, Guide};
 use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, TracedScene, block_on, choice};
 
 use super::picture::{CELL_PIXELS, Pace};
@@ -14,17 +14,59 @@ use super::sums::{DeviceSums, PackedSample, PackedSum, SumKernels};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PackedGuide {
-    pub(super) normal: [f32; 3],
-    pub(super) depth: f32,
-    pub(super) shading_normal: [f32; 3],
-    pub(super) n_boxes: f32,
-    pub(super) albedo: [f32; 3],
-    pub(super) n_triangles: f32,
+    normal: [f32; 3],
+    depth: f32,
+    shading_normal: [f32; 3],
+    n_boxes: f32,
+    albedo: [f32; 3],
+    n_triangles: f32,
     /// `u32::MAX` for a miss, the number below if the traversal was cut short.
-    pub(super) primitive: u32,
+    primitive: u32,
     /// `u32::MAX` for a miss and for a light.
-    pub(super) instance: u32,
-    pub(super) padding: [u32; 2],
+    instance: u32,
+    padding: [u32; 2],
+}
+
+impl PackedGuide {
+    /// What the CPU found of a sample, as kernels keep it.
+    pub(super) fn of(guide: &Guide) -> Self {
+        let narrow = |v: [f64; 3]| v.map(|x| x as f32);
+        let [instance, primitive] = guide.first.unwrap_or([u32::MAX, if guide.n_hits > 0 { 0 } else { u32::MAX }]);
+        let [n_boxes, n_triangles] = guide.tests.map(|n| n as f32);
+        Self {
+            normal: narrow(guide.normal),
+            depth: guide.depth as f32,
+            shading_normal: narrow(guide.shading_normal),
+            n_boxes,
+            albedo: narrow(guide.albedo),
+            n_triangles,
+            primitive,
+            instance,
+            padding: [0; 2],
+        }
+    }
+
+    /// Whether the traversal of the camera ray was not cut short.
+    pub(super) fn is_complete(&self) -> bool {
+        self.primitive != u32::MAX - 1
+    }
+}
+
+impl From<&PackedGuide> for Guide {
+    fn from(guide: &PackedGuide) -> Self {
+        let is_triangle = guide.instance != u32::MAX;
+        // Without negative zeros, which sums would lose or not by the order of their terms.
+        let number = |x: f32| if x.is_finite() { f64::from(x) + 0.0 } else { 0.0 };
+        Self {
+            n_hits: (is_triangle || guide.primitive != u32::MAX).into(),
+            first: is_triangle.then_some([guide.instance, guide.primitive]),
+            depth: number(guide.depth),
+            normal: guide.normal.map(number),
+            shading_normal: guide.shading_normal.map(number),
+            albedo: guide.albedo.map(number),
+            tests: [guide.n_boxes, guide.n_triangles].map(f64::from),
+        }
+    }
 }
 
 /// `FirstLight` of `shared/camera/first_light`: what the first surface reflects in a sample.
