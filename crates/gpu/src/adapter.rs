@@ -1,6 +1,6 @@
 //! Adapters: listed, described, chosen.
 
-use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor};
+use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 use crate::GpuError;
 
@@ -108,6 +108,9 @@ pub(crate) async fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInf
 async fn listed() -> Vec<wgpu::Adapter> {
     let mut descriptor = InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
+    // Debug builds would hand the source of shaders to the driver, for which naga counts lines before each statement: a sixth of the time of
+    // tests on a software driver. `WGPU_DEBUG=1` brings it back.
+    descriptor.flags = descriptor.flags.difference(InstanceFlags::DEBUG).with_env();
     // If the driver reports a memory budget, exceeding it is an error rather than an out-of-memory kill by the system.
     descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_PERCENT);
     let mut all = Instance::new(descriptor).enumerate_adapters(BACKENDS).await;
