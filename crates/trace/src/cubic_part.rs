@@ -7,49 +7,109 @@
 use canted_obb::vector::{Vector, sqrt, sub};
 
 use crate::round_segment::span;
+use crate::rounding::nearest;
 
 /// Control balls of a part: the center in the frame of the ray, and the radius.
 pub(crate) type Control = [[f64; 4]; 4];
 
-/// The four numbers of a ball. Written out, as calls within what a SIMD path inlines lose its instructions.
+// Four numbers at once, of a ball or of four balls. Written out, as calls within what a SIMD path inlines lose its instructions.
+
 #[inline(always)]
-fn lanes(number: impl Fn(usize) -> f64) -> [f64; 4] {
-    [number(0), number(1), number(2), number(3)]
+fn add(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
+}
+
+#[inline(always)]
+fn difference(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
+}
+
+#[inline(always)]
+fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
+}
+
+#[inline(always)]
+fn times(a: [f64; 4], x: f64) -> [f64; 4] {
+    product(a, [x; 4])
+}
+
+/// Rows from columns.
+#[inline(always)]
+fn transposed([a, b, c, d]: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    [[a[0], b[0], c[0], d[0]], [a[1], b[1], c[1], d[1]], [a[2], b[2], c[2], d[2]], [a[3], b[3], c[3], d[3]]]
+}
+
+/// The lesser of two numbers that are not NaN: one instruction.
+#[inline(always)]
+fn min(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers that are not NaN: one instruction.
+#[inline(always)]
+fn max(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// Where a line enters and leaves a part: the position along the line, and the parameter within the part.
 pub(crate) type Ends = [(f64, f64); 2];
 
-/// Three orthogonal unit vectors, the last of which is the direction of a ray.
+/// Three orthogonal vectors of equal length, the last of which has the direction of a ray. Coordinates and radii are in units of that length.
 pub(crate) struct RayFrame {
     axes: [Vector; 3],
+    /// The length of each.
+    scale: f64,
     origin: [f32; 3],
-    /// Of the direction.
+    /// The position along the line at `t = 1`.
     pub(crate) length: f64,
+    /// One over it.
+    recip: f64,
 }
 
 impl RayFrame {
-    /// The axes across the direction are those of Duff et al. 2017.
+    /// The axes are those of Duff et al. 2017 times `|d|·(|d| + |z|)`, which needs no division. Their roundings are some 2^-52 of their length.
     #[inline(always)]
     pub(crate) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         let [x, y, z] = direction;
         let [x, y, z] = [f64::from(x), f64::from(y), f64::from(z)];
         let length = sqrt(x * x + y * y + z * z);
-        let [x, y, z] = [x / length, y / length, z / length];
         let sign = if z < 0.0 { -1.0 } else { 1.0 };
-        let a = -1.0 / (sign + z);
-        let b = x * y * a;
-        let axes = [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], [x, y, z]];
-        Self { axes, origin, length }
+        let along = length + z.abs();
+        let scale = length * along;
+        let axes = [
+            [scale - x * x, -x * y, -sign * x * along],
+            [-sign * x * y, sign * (scale - y * y), -y * along],
+            [x * along, y * along, z * along],
+        ];
+        let length = scale * length;
+        Self { axes, scale, origin, length, recip: 1.0 / length }
+    }
+
+    /// The `t` of a position along the line.
+    #[inline(always)]
+    pub(crate) fn t(&self, z: f64) -> f32 {
+        nearest(z * self.recip)
     }
 
     /// A control ball in this frame.
     #[inline(always)]
     pub(crate) fn ball(&self, center: [f32; 3], radius: f32) -> [f64; 4] {
-        let from_origin = |k: usize| f64::from(center[k]) - f64::from(self.origin[k]);
+        self.balls(&[center; 4], &[radius; 4])[0]
+    }
+
+    /// Four control balls in this frame.
+    #[inline(always)]
+    pub(crate) fn balls(&self, [a, b, c, d]: &[[f32; 3]; 4], &[r0, r1, r2, r3]: &[f32; 4]) -> Control {
+        let from_origin = |k: usize| {
+            let origin = f64::from(self.origin[k]);
+            let [a, b, c, d] = [f64::from(a[k]), f64::from(b[k]), f64::from(c[k]), f64::from(d[k])];
+            difference([a, b, c, d], [origin; 4])
+        };
         let (x, y, z) = (from_origin(0), from_origin(1), from_origin(2));
-        let along = |axis: Vector| axis[0] * x + axis[1] * y + axis[2] * z;
-        [along(self.axes[0]), along(self.axes[1]), along(self.axes[2]), f64::from(radius)]
+        let along = |axis: Vector| add(add(times(x, axis[0]), times(y, axis[1])), times(z, axis[2]));
+        let radii = [f64::from(r0), f64::from(r1), f64::from(r2), f64::from(r3)];
+        transposed(&[along(self.axes[0]), along(self.axes[1]), along(self.axes[2]), times(radii, self.scale)])
     }
 }
 
@@ -70,16 +130,13 @@ impl Bends {
     /// Those of a curve, whose derivatives are in the hulls of their own control values.
     #[inline(always)]
     pub(crate) fn new(part: &Control) -> Self {
-        let [p, q, r, s] = part;
-        let second =
-            |a: &[f64; 4], b: &[f64; 4], c: &[f64; 4]| -> [f64; 4] { lanes(|k| 6.0 * (a[k] - 2.0 * b[k] + c[k])) };
-        let [a, b] = [second(p, q, r), second(q, r, s)];
-        let across = |v: &[f64; 4]| v[0] * v[0] + v[1] * v[1];
+        let ([ab, bc, cd], [a, b]) = differences(part);
+        let (p, q) = (product(a, a), product(b, b));
         Self {
-            across: sqrt(across(&a).max(across(&b))),
-            along: a[2].abs().max(b[2].abs()),
-            radius: a[3].abs().max(b[3].abs()),
-            slope: 3.0 * (q[3] - p[3]).abs().max((r[3] - q[3]).abs()).max((s[3] - r[3]).abs()),
+            across: 6.0 * sqrt(max(p[0] + p[1], q[0] + q[1])),
+            along: 6.0 * max(a[2].abs(), b[2].abs()),
+            radius: 6.0 * max(a[3].abs(), b[3].abs()),
+            slope: 3.0 * max(max(ab[3].abs(), bc[3].abs()), cd[3].abs()),
         }
     }
 
@@ -97,15 +154,21 @@ impl Bends {
     }
 }
 
+/// The first and second differences of control balls.
+#[inline(always)]
+fn differences(&[a, b, c, d]: &Control) -> ([[f64; 4]; 3], [[f64; 4]; 2]) {
+    let (ab, bc, cd) = (difference(b, a), difference(c, b), difference(d, c));
+    ([ab, bc, cd], [difference(bc, ab), difference(cd, bc)])
+}
+
 /// De Casteljau's halves.
 #[inline]
-pub(crate) fn halves(part: &Control) -> [Control; 2] {
-    let mid = |a: &[f64; 4], b: &[f64; 4]| -> [f64; 4] { lanes(|k| 0.5 * (a[k] + b[k])) };
-    let [a, b, c, d] = part;
+pub(crate) fn halves(&[a, b, c, d]: &Control) -> [Control; 2] {
+    let mid = |a: [f64; 4], b: [f64; 4]| times(add(a, b), 0.5);
     let [ab, bc, cd] = [mid(a, b), mid(b, c), mid(c, d)];
-    let [abc, bcd] = [mid(&ab, &bc), mid(&bc, &cd)];
-    let middle = mid(&abc, &bcd);
-    [[*a, ab, abc, middle], [middle, bcd, cd, *d]]
+    let [abc, bcd] = [mid(ab, bc), mid(bc, cd)];
+    let middle = mid(abc, bcd);
+    [[a, ab, abc, middle], [middle, bcd, cd, d]]
 }
 
 /// What a line may meet of a part.
@@ -154,30 +217,29 @@ pub(crate) struct SinglePart {
 /// the inner two have a sum of at most 3/4, or along it.
 #[inline(always)]
 pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
-    let [a, b, c, d] = part;
-    let chord = [d[0] - a[0], d[1] - a[1]];
-    let along = |p: &[f64; 4]| chord[0] * p[0] + chord[1] * p[1];
-    let across = |p: &[f64; 4]| chord[0] * p[1] - chord[1] * p[0];
+    let [x, y, _, radii] = transposed(part);
+    let chord = [x[3] - x[0], y[3] - y[0]];
     let chord_squared = chord[0] * chord[0] + chord[1] * chord[1];
-    let radius = a[3].max(b[3]).max(c[3]).max(d[3]);
+    let radius = max(max(radii[0], radii[1]), max(radii[2], radii[3]));
     let reach = radius * radius * chord_squared;
-    let is_beyond = |low: f64, high: f64| (low > 0.0 && low * low > reach) || (high < 0.0 && high * high > reach);
-
-    let offset = across(a);
-    let bulges = [across(b) - offset, across(c) - offset];
-    let low = offset + 0.75 * bulges[0].min(bulges[1]).min(0.0);
-    let high = offset + 0.75 * bulges[0].max(bulges[1]).max(0.0);
-    if is_beyond(low, high) {
+    let across = difference(times(y, chord[0]), times(x, chord[1]));
+    let at = add(times(x, chord[0]), times(y, chord[1]));
+    let offset = across[0];
+    let bulges = [across[1] - offset, across[2] - offset];
+    let low = offset + 0.75 * min(min(bulges[0], bulges[1]), 0.0);
+    let high = offset + 0.75 * max(max(bulges[0], bulges[1]), 0.0);
+    // How far all is on one side, at least.
+    let aside = max(max(low, -high), 0.0);
+    let (first, last) = (min(min(at[0], at[1]), min(at[2], at[3])), max(max(at[0], at[1]), max(at[2], at[3])));
+    let beyond = max(max(first, -last), 0.0);
+    if max(aside * aside, beyond * beyond) > reach {
         return Meeting::None;
     }
-    let at = [along(a), along(b), along(c), along(d)];
-    if is_beyond(at[0].min(at[1]).min(at[2]).min(at[3]), at[0].max(at[1]).max(at[2]).max(at[3])) {
-        return Meeting::None;
-    }
 
-    let least = 3.0 * (at[1] - at[0]).min(at[2] - at[1]).min(at[3] - at[2]);
+    let least = 3.0 * min(min(at[1] - at[0], at[2] - at[1]), at[3] - at[2]);
     // The last is the negative of the second, as the chord has no extent across itself.
-    let most = 3.0 * bulges[0].abs().max((bulges[1] - bulges[0]).abs()).max(bulges[1].abs());
+    let most = 3.0 * max(max(bulges[0].abs(), (bulges[1] - bulges[0]).abs()), bulges[1].abs());
+    let [a, .., d] = part;
     let size = |p: &[f64; 4]| p[0].abs() + p[1].abs() + p[2].abs();
     let rounding = ROUNDINGS * (size(a) + size(d));
     let bend =
@@ -185,21 +247,31 @@ pub(crate) fn meeting(part: &Control, bends: &Bends) -> Meeting {
     if !(least > 0.0 && 2.0 * most <= least && least * least > 1.25 * chord_squared * bend) {
         return Meeting::Any;
     }
-    let convexity = least * least / chord_squared - bend;
-    let powers = [
-        *a,
-        lanes(|k| 3.0 * (b[k] - a[k])),
-        lanes(|k| 3.0 * (a[k] - 2.0 * b[k] + c[k])),
-        lanes(|k| d[k] - a[k] + 3.0 * (b[k] - c[k])),
-    ];
-    // Where the cone of the chord, moved by the bulge of the curve, is entered.
     let recip = 1.0 / chord_squared;
-    let u = (-at[0] * recip).clamp(0.0, 1.0);
+    let convexity = least * least * recip - bend;
+    let ([ab, ..], [abc, bcd]) = differences(part);
+    let powers = [*a, times(ab, 3.0), times(abc, 3.0), difference(bcd, abc)];
+
+    // About where the curve is nearest to the line: one step from where the chord is. Coordinates are along and across the chord, which has the length 1.
+    let u = min(max(-at[0] * recip, 0.0), 1.0);
     let v = 1.0 - u;
-    let aside = offset + 3.0 * u * v * (v * bulges[0] + u * bulges[1]);
+    // How far the inner control values are from those of the chord.
+    let [leads, bulges] = [
+        [(at[1] - at[0]) * recip - 1.0 / 3.0, (at[2] - at[0]) * recip - 2.0 / 3.0],
+        [bulges[0] * recip, bulges[1] * recip],
+    ];
+    // Bernstein polynomials and their derivatives.
+    let (both, rates) = (3.0 * u * v, [3.0 * v * (1.0 - 3.0 * u), 3.0 * u * (2.0 - 3.0 * u)]);
+    let along = at[0] * recip + u + both * (v * leads[0] + u * leads[1]);
+    let aside = offset * recip + both * (v * bulges[0] + u * bulges[1]);
+    let along_rate = 1.0 + rates[0] * leads[0] + rates[1] * leads[1];
+    let aside_rate = rates[0] * bulges[0] + rates[1] * bulges[1];
+    let step = along * along_rate + aside * aside_rate;
+    let (u, aside) = (u - step, (aside - step * aside_rate) * chord_squared);
+    // Where the cone of the chord is entered, moved there.
     let slope = d[2] - a[2];
-    let depth = (reach - aside * aside).max(0.0) * recip;
-    let shift = slope * sqrt(depth / (chord_squared * (chord_squared + slope * slope)));
+    let depth = max(reach - aside * aside, 0.0);
+    let shift = slope * recip * sqrt(1.0 / (chord_squared + slope * slope)) * sqrt(depth);
     Meeting::Single(SinglePart {
         powers,
         chord,
@@ -262,15 +334,18 @@ impl SinglePart {
     #[inline(always)]
     fn least(&self, sign: f64, start: f64, [enough, limit]: [f64; 2]) -> Option<(f64, f64)> {
         let Self { powers: [c0, c1, c2, c3], chord, chord_squared, radius, convexity, .. } = self;
-        let (mut low, mut high, mut u) = (-1.0, 2.0, start.clamp(0.0, 1.0));
+        let (slope_powers, bend_power) = (times(*c3, 3.0), times(*c2, 2.0));
+        let (mut low, mut high, mut u) = (-1.0, 2.0, min(max(start, 0.0), 1.0));
         let mut best = None;
         for step in 0..MAX_STEPS {
-            let value = lanes(|k| ((c3[k] * u + c2[k]) * u + c1[k]) * u + c0[k]);
-            let first = lanes(|k| (3.0 * c3[k] * u + 2.0 * c2[k]) * u + c1[k]);
-            let second = lanes(|k| 6.0 * c3[k] * u + 2.0 * c2[k]);
+            let value = add(times(add(times(add(times(*c3, u), *c2), u), *c1), u), *c0);
+            let bend = times(slope_powers, u);
+            let first = add(times(add(bend, bend_power), u), *c1);
+            let second = add(add(bend, bend), bend_power);
             // Products of the centers less that of the radii.
-            let form = |a: &[f64; 4], b: &[f64; 4]| a[0] * b[0] + a[1] * b[1] - a[3] * b[3];
-            let (q, g, h) = (form(&value, &value), form(&value, &first), form(&first, &first) + form(&value, &second));
+            let form = |a: [f64; 4]| a[0] + a[1] - a[3];
+            let (q, g) = (form(product(value, value)), form(product(value, first)));
+            let h = form(add(product(first, first), product(value, second)));
             let (z, slope) = (sign * value[2], sign * first[2]);
             let (is_before, mut next);
             let along = chord[0] * value[0] + chord[1] * value[1];
@@ -301,7 +376,7 @@ impl SinglePart {
                         return None;
                     }
                     is_before = g > 0.0;
-                    let depth = (g * g - q * h).max(0.0);
+                    let depth = max(g * g - q * h, 0.0);
                     next = u - (g + slope * sqrt(depth / (h + slope * slope))) / h;
                 } else {
                     is_before = along > 0.0;
@@ -316,9 +391,9 @@ impl SinglePart {
             } else {
                 low = u
             }
-            next = next.clamp(0.0, 1.0);
+            next = min(max(next, 0.0), 1.0);
             if step >= CONE_STEPS || !(low < next && next < high) {
-                next = 0.5 * (low.max(0.0) + high.min(1.0));
+                next = 0.5 * (max(low, 0.0) + min(high, 1.0));
             }
             if next == u {
                 break;
@@ -395,6 +470,45 @@ mod tests {
             step /= 100.0;
         }
         Some(best)
+    }
+
+    /// By how much the axes of a frame differ from orthogonal ones of its scale, of which the last has the direction, relative to that.
+    fn error_of(frame: &RayFrame, direction: [f32; 3]) -> f64 {
+        let dot = |a: Vector, b: Vector| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let [a, b, c] = frame.axes.map(|axis| axis.map(|x| x / frame.scale));
+        let d = direction.map(f64::from);
+        let length = sqrt(dot(d, d));
+        let third = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let of_position = frame.length / (frame.scale * length) - 1.0;
+        let mut errors = vec![dot(a, b), dot(a, c), dot(b, c), dot(a, a) - 1.0, dot(b, b) - 1.0, of_position];
+        errors.extend((0..3).flat_map(|k| [third[k] - c[k], d[k] / length - c[k]]));
+        errors.iter().fold(0.0, |greatest, error| max(greatest, error.abs()))
+    }
+
+    #[test]
+    fn frames_are_orthogonal_and_right_handed() {
+        let mut random = random(8);
+        let (mut n_wrong, mut n) = (0, 0);
+        for i in 0..20_000 {
+            // Also along axes, and almost so.
+            let mut number = |k: usize| match i >> (2 * k) & 3 {
+                0 => 0.0,
+                1 => (1e-6 * (random() - 0.5)) as f32,
+                _ => (2.0 * random() - 1.0) as f32,
+            };
+            let direction = [number(0), number(1), number(2)];
+            if direction == [0.0; 3] {
+                continue;
+            }
+            let frame = RayFrame::new([0.0; 3], direction);
+            let error = error_of(&frame, direction);
+            assert!(error < 16.0 / (1_u64 << 53) as f64, "{direction:?}: {error:e}");
+            // Of a frame of another direction it is greater.
+            let near = direction.map(|x| x.next_up());
+            n_wrong += usize::from(error_of(&frame, near) > 1e-9);
+            n += 1;
+        }
+        assert!(n > 15_000 && n_wrong > n / 2, "{n_wrong} of {n}");
     }
 
     /// The greatest error of the ends of single parts, relative to their size; lost hits; the number of single parts and of their hits.

@@ -99,7 +99,7 @@ pub(crate) fn hit_at(center: &Center, tangent: Across, u: f64, frame: &RayFrame)
     // The right of a ribbon is `direction × tangent`; the ray is at the origin, `(-x, -y)` from the center.
     let right = if length > 0.0 { (x * tangent[1] - y * tangent[0]) / length } else { 0.0 };
     let v = (0.5 + 0.5 * right).clamp(0.0, 1.0);
-    Some(RibbonPoint { t: nearest(z / frame.length), u: nearest(u), v: v as f32 })
+    Some(RibbonPoint { t: frame.t(z), u: nearest(u), v: v as f32 })
 }
 
 impl RibbonSegment {

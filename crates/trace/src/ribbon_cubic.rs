@@ -60,8 +60,7 @@ impl RibbonCubic {
     #[must_use]
     pub fn point_scaled(&self, ray: &ScaledRay, t_max: f32) -> Option<RibbonPoint> {
         let frame = RayFrame::new(ray.origin, ray.direction);
-        let ball = |i: usize| frame.ball(self.points[i], self.radii[i]);
-        let whole = [ball(0), ball(1), ball(2), ball(3)];
+        let whole = frame.balls(&self.points, &self.radii);
         if is_beside(&whole) {
             return None;
         }

@@ -4,7 +4,6 @@ use canted_obb::vector::sqrt;
 
 use crate::ScaledRay;
 use crate::cubic_part::{Bends, Control, Ends, Meeting, RayFrame, halves, meeting, segment_ends};
-use crate::rounding::nearest;
 
 /// A round cubic curve: the tube that a ball sweeps along a Bézier curve, with its ends. It is solid.
 ///
@@ -63,10 +62,9 @@ impl RoundCubic {
     #[must_use]
     pub fn event_scaled(&self, ray: &ScaledRay, t_max: f32) -> Option<CurvePoint> {
         let frame = RayFrame::new(ray.origin, ray.direction);
-        let ball = |i: usize| frame.ball(self.points[i], self.radii[i]);
-        let whole = [ball(0), ball(1), ball(2), ball(3)];
+        let whole = frame.balls(&self.points, &self.radii);
         let bends = Bends::new(&whole);
-        let point = |(z, u): (f64, f64), is_entry| CurvePoint { t: nearest(z / frame.length), u: u as f32, is_entry };
+        let point = |(z, u): (f64, f64), is_entry| CurvePoint { t: frame.t(z), u: u as f32, is_entry };
         let is_within = |point: &CurvePoint| ray.t_min <= point.t && point.t <= t_max;
         match meeting(&whole, &bends) {
             Meeting::None => None,
@@ -86,7 +84,7 @@ impl RoundCubic {
             }
             Meeting::Any => {
                 let limits = limits([ray.t_min, t_max], frame.length);
-                first_event(&whole, bends, limits, frame.length, [ray.t_min, t_max])
+                first_event(&whole, bends, limits, &frame, [ray.t_min, t_max])
             }
         }
     }
@@ -115,12 +113,12 @@ fn first_event(
     whole: &Control,
     bends: Bends,
     limits: [f64; 2],
-    length: f64,
+    frame: &RayFrame,
     [t_min, t_max]: [f32; 2],
 ) -> Option<CurvePoint> {
     let walk = Walk { bends, depth: halvings(whole, &bends), limits };
     let mut spans = walk.spans(whole, true);
-    let at = |z: f64| nearest(z / length);
+    let at = |z: f64| frame.t(z);
     // Where the ray starts inside, entries into other parts are inside as well, and what comes after them counts.
     if spans.all().any(|[entry, exit]| at(entry.0) < t_min && t_min <= at(exit.0)) {
         spans = walk.spans(whole, false);
