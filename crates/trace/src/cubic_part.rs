@@ -480,9 +480,9 @@ mod tests {
         let length = sqrt(dot(d, d));
         let third = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
         let of_position = frame.length / (frame.scale * length) - 1.0;
-        let mut errors = vec![dot(a, b), dot(a, c), dot(b, c), dot(a, a) - 1.0, dot(b, b) - 1.0, of_position];
-        errors.extend((0..3).flat_map(|k| [third[k] - c[k], d[k] / length - c[k]]));
-        errors.iter().fold(0.0, |greatest, error| max(greatest, error.abs()))
+        let of_axes = [dot(a, b), dot(a, c), dot(b, c), dot(a, a) - 1.0, dot(b, b) - 1.0, of_position];
+        let of_third = (0..3).flat_map(|k| [third[k] - c[k], d[k] / length - c[k]]);
+        of_axes.into_iter().chain(of_third).fold(0.0, |greatest, error| max(greatest, error.abs()))
     }
 
     #[test]
