@@ -234,7 +234,7 @@ fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {}
 fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
 
 // choice first_light/four
-// It is kept sample by sample; the host sums it in f64.
+// It is kept sample by sample, as `samples` are.
 
 const KEEPS_FIRST_LIGHT: bool = true;
 
@@ -304,7 +304,7 @@ fn add_component(n_scattered: u32, light: vec3<f32>) {}
 fn keep_components(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
 
 // choice components/three
-// It is kept sample by sample; the host sums it in f64.
+// It is kept sample by sample, as `samples` are.
 
 /// Linear RGB of a sample.
 struct Components {

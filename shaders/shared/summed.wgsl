@@ -1,6 +1,6 @@
 // Numbers of samples as f64, which are computed in integers: what `render/sum` adds, with the bits of sums on the host.
 //
-// `?summed` is what is summed: light, or what camera rays hit first.
+// `?summed` is what is summed: light, its parts, or what camera rays hit first.
 // use shared/exact/number
 
 /// Bits of infinity; those of NaN are greater.
@@ -139,5 +139,77 @@ fn sum_of(one: PixelSample, at: u32) -> SampleSum {
     c.primitive = guide[3].x;
     c.instance = guide[3].y;
     c.n_hits = u32(c.primitive != NONE);
+    return c;
+}
+
+// choice summed/components
+// The light of samples by how many surfaces scattered it: `Components` of `shared/camera/components`.
+// use shared/summed/parts
+
+/// Numbers of a sample.
+const N_NUMBERS: u32 = 9u;
+
+/// As bits, which loads do not change: those of each sample.
+@group(1) @binding(5) var<storage, read> components: array<array<u32, 9>>;
+
+/// The bits of a number of a sample.
+fn number_of(at: u32, k: u32) -> u32 {
+    return components[at][k];
+}
+
+// choice summed/first_light
+// The light at the first surface of samples: `FirstLight` of `shared/camera/first_light`.
+// use shared/summed/parts
+
+/// Numbers of a sample.
+const N_NUMBERS: u32 = 12u;
+
+/// As bits, which loads do not change: those of each sample.
+@group(1) @binding(13) var<storage, read> first_light: array<array<u32, 12>>;
+
+/// The bits of a number of a sample.
+fn number_of(at: u32, k: u32) -> u32 {
+    return first_light[at][k];
+}
+
+// part parts
+// Parts of the light, with the sign of the weight of their sample.
+// use shared/summed
+// use shared/picture
+// use ?filter
+
+/// The samples of a pixel.
+struct SampleSum {
+    /// An f64 each, the lower half first.
+    sum: array<vec2<u32>, N_NUMBERS>,
+}
+
+/// The light of a sample says whether it was finished.
+fn is_unfinished(at: u32) -> bool {
+    return false;
+}
+
+/// The sum of two pixels.
+fn plus(a: SampleSum, b: SampleSum) -> SampleSum {
+    var c: SampleSum;
+    for (var k = 0u; k < N_NUMBERS; k += 1u) {
+        c.sum[k] = f64_sum(a.sum[k], b.sum[k]);
+    }
+    return c;
+}
+
+/// The sum of a sample alone. One with a number that is not finite counts as zero.
+fn sum_of(one: PixelSample, at: u32) -> SampleSum {
+    let is_negative = filter_weight(square(one, PIXEL_POSITION)) < 0.0;
+    var c: SampleSum;
+    for (var k = 0u; k < N_NUMBERS; k += 1u) {
+        let bits = number_of(at, k);
+        if !are_finite(vec3(bits)) {
+            return SampleSum();
+        }
+        var x = from_f32(bitcast<f32>(bits));
+        x.is_negative = x.is_negative != is_negative;
+        c.sum[k] = f64_bits(x);
+    }
     return c;
 }

@@ -198,11 +198,7 @@ impl Components {
     /// The components of one sample with a weight of 1 or -1. A sample that [`Pixel::weighted`] drops has none.
     #[must_use]
     pub fn weighted(radiance: [[f32; 3]; 3], first: Option<[[f32; 3]; 4]>, weight: f32) -> Self {
-        let weighted = |part: [f32; 3]| part.map(|x| f64::from(weight) * f64::from(x));
-        // What is occluded may be infinite in a sample that is kept.
-        let is_finite = |parts: &[[f32; 3]; 4]| parts.as_flattened().iter().all(|x| x.is_finite());
-        let first = first.map(|parts| if is_finite(&parts) { parts } else { [[0.0; 3]; 4] });
-        Self { sums: radiance.map(weighted), first: first.map(|parts| parts.map(weighted)) }
+        Self { sums: weighted(radiance, weight), first: first.map(|parts| weighted(parts, weight)) }
     }
 
     /// The parts of the mean of a pixel that has these components, see [`Pixel::mean`].
@@ -233,6 +229,15 @@ impl Components {
         let sums = std::array::from_fn(|_| three());
         Self { sums, first: has_first.then(|| std::array::from_fn(|_| three())) }
     }
+}
+
+/// Parts of the light of a sample with a weight of 1 or -1. If one is not finite all count as zero: what is occluded may be infinite in a sample that is kept.
+fn weighted<const N: usize>(parts: [[f32; 3]; N], weight: f32) -> [[f64; 3]; N] {
+    if !parts.as_flattened().iter().all(|x| x.is_finite()) {
+        return [[0.0; 3]; N];
+    }
+    // Without negative zeros, which sums would lose or not by the order of their terms.
+    parts.map(|part| part.map(|x| f64::from(weight) * f64::from(x) + 0.0))
 }
 
 /// The sums of two lists of parts.
@@ -525,6 +530,19 @@ mod tests {
     fn no_sum_is_a_negative_zero() {
         for (x, weight) in [(0.0, 1.0), (0.0, -1.0), (-0.0, 1.0), (-0.0, -1.0)] {
             assert!(Pixel::weighted([x; 3], weight).sum.iter().all(|x| x.is_sign_positive()));
+            let components = Components::weighted([[x; 3]; 3], Some([[x; 3]; 4]), weight);
+            assert!(components.numbers().all(f64::is_sign_positive));
+        }
+    }
+
+    #[test]
+    fn parts_that_are_not_finite_count_as_zero() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let mut parts = [[1.0; 3]; 4];
+            parts[3][1] = bad;
+            let Components { sums, first } = Components::weighted([[2.0; 3]; 3], Some(parts), -1.0);
+            assert_eq!((sums, first), ([[-2.0; 3]; 3], Some([[0.0; 3]; 4])));
+            assert_eq!(Components::weighted([parts[0], parts[1], parts[3]], None, 1.0).sums, [[0.0; 3]; 3]);
         }
     }
 

@@ -115,9 +115,10 @@ pub enum SampleSums {
     /// Every sample is downloaded.
     #[default]
     Host,
-    /// The device sums the samples of a pixel: 64 bytes are downloaded for any number of them, instead of 16 for each, and 112 bytes of what camera
-    /// rays hit first, as AOVs show it, instead of 64 for each. With [`Settings::part`], for each block whose sum the film keeps; with
-    /// [`Settings::noise`], each time that it decides, and for each block of the last samples. AOVs of parts of the light come sample by sample.
+    /// The device sums the samples of a pixel: 64 bytes are downloaded for any number of them, instead of 16 for each. With AOVs, what camera rays hit first
+    /// are 112 bytes more, instead of 64 for each; the light in parts 72, instead of 36, and that at the first surface 96, instead of 48. With
+    /// [`Settings::part`], for each block whose sum the film keeps; with [`Settings::noise`], each time that it decides, and for each block of
+    /// the last samples.
     Device,
 }
 
@@ -126,9 +127,16 @@ impl SampleSums {
     #[must_use]
     pub fn of_fewer_bytes(settings: &Settings) -> Self {
         let n_records = settings.part.map_or(1, |[first, end]| Block::of(first..end).len());
-        // With AOVs, 64 bytes more for each sample and 112 for each sum.
-        let [of_sample, of_sum] = if settings.aovs.is_empty() { [16, 64] } else { [16 + 64, 64 + 112] };
-        if of_sample * settings.range().len() > of_sum * n_records { Self::Device } else { Self::Host }
+        let Settings { aovs, .. } = settings;
+        // Bytes of a sample, and of a sum: of light, of what camera rays hit first, and of parts of the light.
+        let kept = [
+            (true, [16, 64]),
+            (!aovs.is_empty(), [64, 112]),
+            (aovs.has_components(), [36, 72]),
+            (aovs.has_factors(), [48, 96]),
+        ];
+        let bytes = |k: usize| kept.iter().filter(|(is_kept, _)| *is_kept).map(|(_, bytes)| bytes[k]).sum::<usize>();
+        if bytes(0) * settings.range().len() > bytes(1) * n_records { Self::Device } else { Self::Host }
     }
 
     /// All of them.
@@ -304,7 +312,7 @@ mod tests {
 
     #[test]
     fn samples_are_summed_where_fewer_bytes_are_downloaded() {
-        let depth = Aovs::NONE.with(canted_film::Aov::Depth);
+        let [depth, direct, shadow] = [Aov::Depth, Aov::Direct, Aov::Shadow].map(|aov| Aovs::NONE.with(aov));
         for (samples, part, aovs, expected) in [
             (4, None, Aovs::NONE, SampleSums::Host),
             (5, None, Aovs::NONE, SampleSums::Device),
@@ -313,6 +321,13 @@ mod tests {
             // Three blocks, and six.
             (64, Some([1, 8]), Aovs::NONE, SampleSums::Host),
             (64, Some([1, 64]), Aovs::NONE, SampleSums::Device),
+            // 116 bytes a sample and 248 a sum, then 164 and 344.
+            (2, None, direct, SampleSums::Host),
+            (3, None, direct, SampleSums::Device),
+            (2, None, shadow, SampleSums::Host),
+            (3, None, shadow, SampleSums::Device),
+            (64, Some([1, 4]), shadow, SampleSums::Host),
+            (64, Some([1, 8]), shadow, SampleSums::Device),
         ] {
             let settings = Settings { samples, part, aovs, ..Settings::default() };
             assert_eq!(SampleSums::of_fewer_bytes(&settings), expected, "{samples} samples, {part:?}, {aovs}");

@@ -164,13 +164,17 @@ fn the_cpu_takes_parts_of_unfinished_samples() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    for sums in SampleSums::ALL {
-        let settings = Settings { sums, ..settings(Integrator::Path) };
+    for integrator in Integrator::ALL {
+        let settings = Settings { aovs: integrator.aovs(), filter: Filter::MITCHELL, ..settings(integrator) };
         let theirs = on_cpu(&scene, &bvh, &camera, &settings);
-        let limited = |n| summed(&gpu, (&scene, &camera), &bvh, &settings, |traced| traced.with_max_iterations(n));
-        let (none, some) = (limited(0), limited(100));
-        assert!(none.components() == theirs.components());
-        assert!(some.components() != theirs.components() && apart(&some) < ROUNDINGS);
+        let limited = |sums, n| {
+            let settings = Settings { sums, ..settings };
+            summed(&gpu, (&scene, &camera), &bvh, &settings, |traced| traced.with_max_iterations(n))
+        };
+        let [[none, some], [none_of_host, some_of_host]] =
+            [SampleSums::Device, SampleSums::Host].map(|sums| [0, 100].map(|n| limited(sums, n)));
+        assert!(none.components() == theirs.components() && none == none_of_host);
+        assert!(some.components() != theirs.components() && some == some_of_host && apart(&some) < ROUNDINGS);
     }
 }
 
@@ -181,9 +185,12 @@ fn dropped_samples_have_no_parts() {
     scene.environment = Some(Environment::Constant([3e38; 3]));
     scene.lights.clear();
     let bvh = scene_bvh(&scene, Levels::One);
-    for sums in SampleSums::ALL {
-        let settings = Settings { sums, ..settings(Integrator::Hybrid) };
+    let of = |sums| {
+        let settings = Settings { sums, aovs: Integrator::Hybrid.aovs(), ..settings(Integrator::Hybrid) };
         let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
         assert!(apart(&ours) < ROUNDINGS, "{sums:?}: {}", apart(&ours));
-    }
+        ours
+    };
+    let [host, device] = SampleSums::ALL.map(of);
+    assert!(host == device && host.pixels().iter().any(|pixel| pixel.n_dropped > 0));
 }

@@ -1,16 +1,18 @@
 //! Samples that the device sums compared with the same samples summed by the host.
 
+use std::ops::Add;
 use std::sync::atomic::AtomicBool;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Aov, Aovs, Dyadic, Film, Filter, Guide, Part, Pixel};
+use canted_film::{Aov, Aovs, Components, Dyadic, Film, Filter, Guide, Part, Pixel};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Gpu, NamedBinding, TracedScene, Traffic, Variant, block_on, choice, wgsl};
+use canted_gpu::{Gpu, GpuError, NamedBinding, TracedScene, Traffic, Variant, block_on, choice, wgsl};
 use canted_renderer::{
-    DevicePicture, Integrator, Levels, Monitor, Pattern, SampleSums, Sampler, SceneBvh, Settings, Surfaces,
-    traced_scene,
+    DeviceError, DevicePicture, Integrator, Levels, Monitor, Pattern, SampleSums, Sampler, SceneBvh, Settings,
+    Surfaces, traced_scene,
 };
 use canted_scene::{Camera, Scene};
+use canted_tests::device::lowered;
 
 use crate::{
     gpu,
@@ -21,8 +23,10 @@ pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(sums_of_the_device_are_those_of_the_host),
         needs_device(a_picture_downloads_each_pixel_once),
+        needs_device(pictures_larger_than_buffers_have_the_same_bits),
         needs_device(another_order_is_detected),
         needs_device(sums_of_any_numbers_have_the_bits_of_the_host),
+        needs_device(parts_of_any_numbers_have_the_bits_of_the_host),
         needs_device(parts_join),
         needs_device(noise_and_channels_are_those_of_the_host),
         needs_device(the_cpu_takes_unfinished_samples),
@@ -56,10 +60,15 @@ fn sums_of_the_device_are_those_of_the_host() {
     for integrator in [Integrator::Hybrid, Integrator::Path] {
         let of_box = [1, 3, 64, 100].map(|n| (n, Filter::BOX));
         for (samples, filter) in of_box.into_iter().chain([37, 128].map(|n| (n, Filter::MITCHELL))) {
-            let aovs = if samples == 3 || samples > 64 { first_hits() } else { Aovs::NONE };
+            let aovs = match samples {
+                1 | 64 => Aovs::NONE,
+                3 => first_hits(),
+                _ => integrator.aovs(),
+            };
             let host = Settings { filter, aovs, ..settings(integrator, samples) };
             let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
             assert_eq!(theirs.guides().iter().any(|guide| guide.n_hits > 1 && guide.first.is_some()), !aovs.is_empty());
+            assert_eq!(!theirs.components().is_empty(), aovs.has_components());
             let device = Settings { sums: SampleSums::Device, ..host };
             let name = format!("{integrator:?}, {samples} samples, {filter}");
             assert_eq!(theirs.pixels().iter().any(|pixel| pixel.n_negative > 0), filter == Filter::MITCHELL);
@@ -80,7 +89,11 @@ fn a_picture_downloads_each_pixel_once() {
     // Of whole cells.
     let n_pixels = 24 * 16;
     let (none, guides) = ((Aovs::NONE, 64), (first_hits(), 64 + 112));
-    for (samples, (aovs, n_bytes)) in [(1, none), (3, guides), (64, none), (100, guides), (1000, none)] {
+    let parts = (Aovs::NONE.with(Aov::Direct), 64 + 112 + 72);
+    let all = (Integrator::Hybrid.aovs(), 64 + 112 + 72 + 96);
+    for (samples, (aovs, n_bytes)) in
+        [(1, none), (3, guides), (64, none), (64, parts), (3, all), (100, all), (1000, none)]
+    {
         let settings = Settings { sums: SampleSums::Device, aovs, ..settings(Integrator::Hybrid, samples) };
         let before = gpu.traffic();
         on_device(&gpu, &scene, &bvh, &camera, &settings);
@@ -94,20 +107,62 @@ fn a_picture_downloads_each_pixel_once() {
     }
 }
 
+/// Cells are summed one part after the other where bindings or memory are too small for the sums of all, and fewer samples are taken at once.
+fn pictures_larger_than_buffers_have_the_same_bits() {
+    let (scene, camera) = scenes::room();
+    let bvh = scene_bvh(&scene, Levels::One);
+    for integrator in [Integrator::Hybrid, Integrator::Path] {
+        let device = Settings { sums: SampleSums::Device, aovs: integrator.aovs(), ..settings(integrator, 40) };
+        let device = Settings { width: 80, height: 60, ..device };
+        let took = |gpu: &Gpu| {
+            let before = gpu.traffic();
+            let surfaces = Surfaces::with_lod(&scene, device.lod);
+            let picture = DevicePicture::new(gpu, &surfaces, &bvh, &camera, &device)?;
+            let film = monitored(|monitor| picture.render(vec![], monitor))?;
+            Ok::<_, DeviceError>((film, (gpu.traffic() - before).n_dispatches))
+        };
+        let (whole, n_dispatches) = took(&gpu()).unwrap();
+        // 64 pixels, six lengths of blocks: room for the sums of one cell, and of six of 80.
+        for most in [48 << 10, 1 << 18] {
+            let (film, n) = took(&lowered(most)).unwrap();
+            assert!(film == whole && n > n_dispatches, "{integrator:?}, bindings of {most} bytes");
+        }
+        let mut n_most = n_dispatches;
+        for n_bytes in (18..26).rev().map(|bit| 1 << bit) {
+            let gpu = gpu();
+            gpu.limit_memory(n_bytes);
+            match took(&gpu) {
+                Ok((film, n)) => {
+                    assert!(film == whole, "{integrator:?}, {n_bytes} bytes");
+                    n_most = n_most.max(n);
+                }
+                Err(error) => assert!(matches!(error, DeviceError::Gpu(GpuError::OutOfMemory { .. })), "{error}"),
+            }
+        }
+        assert!(n_most > n_dispatches, "{integrator:?}: no memory was too small for all samples at once");
+    }
+}
+
 /// The sums of samples that are added in another order have other bits.
 fn another_order_is_detected() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Path, 16) };
+    let aovs = Integrator::Hybrid.aovs();
+    let device = Settings { sums: SampleSums::Device, aovs, ..settings(Integrator::Hybrid, 16) };
     let ours = on_device(&gpu, &scene, &bvh, &camera, &device);
     let each: Vec<Film> = (0..device.samples)
         .map(|k| on_device(&gpu, &scene, &bvh, &camera, &Settings { part: Some([k, k + 1]), ..device }))
         .collect();
     let in_order = |pixel: usize| each.iter().map(|film| film.pixels()[pixel]).reduce(|a, b| a + b).unwrap();
+    let parts = |pixel: usize| each.iter().map(|film| film.components()[pixel]).reduce(|a, b| a + b).unwrap();
     let n = ours.pixels().len();
     let n_apart = (0..n).filter(|&pixel| in_order(pixel) != ours.pixels()[pixel]).count();
     assert!(n_apart > n / 4 && n_apart < n, "{n_apart} of {n}");
+    let apart = (0..n).map(|pixel| (parts(pixel), ours.components()[pixel]));
+    let [n_sums, n_first] = [0, 1]
+        .map(|k| apart.clone().filter(|(a, b)| if k == 0 { a.sums != b.sums } else { a.first != b.first }).count());
+    assert!(n_sums > n / 4 && n_first > n / 4, "{n_sums} and {n_first} of {n}");
 }
 
 /// Parts of any split join to the bits of the whole, wherever they are summed.
@@ -115,7 +170,8 @@ fn parts_join() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    let device = Settings { sums: SampleSums::Device, aovs: first_hits(), ..settings(Integrator::Hybrid, 100) };
+    let aovs = Integrator::Hybrid.aovs();
+    let device = Settings { sums: SampleSums::Device, aovs, ..settings(Integrator::Hybrid, 100) };
     let whole = on_device(&gpu, &scene, &bvh, &camera, &device);
     let joined = |at: u32, sums: [SampleSums; 2]| {
         let of = |(range, sums): ([u32; 2], SampleSums)| {
@@ -191,86 +247,105 @@ fn the_cpu_takes_unfinished_samples() {
     assert!(some != theirs && some != on_device(&gpu, &scene, &bvh, &camera, &host));
 }
 
-/// The kernels alone: bits of sums of any numbers, of dispatches of any size.
-fn sums_of_any_numbers_have_the_bits_of_the_host() {
-    let gpu = gpu();
+/// Pixels in two cells, all of them in the picture.
+const N_PLACES: u32 = 128;
+
+/// What the kernels alone make of samples that `of` returns for the number of a work-group, of two cells with `n` each, and of a pixel: a sum of each
+/// pixel. They are bound by `name`, and taken in dispatches of `step` work-groups.
+fn sums_by_kernels<T: Pod, S: Pod>(
+    gpu: &Gpu,
+    (summed, name): (choice::Summed, &'static str),
+    [n, step]: [u32; 2],
+    of: &dyn Fn(u32, u32) -> T,
+) -> Vec<S> {
     let variant = Variant::none().with(choice::Pattern::Random).with(choice::Filter::Box);
-    let variant = variant.with(choice::View::Perspective).with(choice::Lens::Pinhole).with(choice::Summed::Light);
+    let variant = variant.with(choice::View::Perspective).with(choice::Lens::Pinhole).with(summed);
     let kernels = [wgsl::render::sum::BLOCKS, wgsl::render::sum::PIXELS]
         .map(|name| gpu.kernel(name, &variant.of_kernel(name).unwrap()).unwrap());
-    // Two cells of pixels, all of them in the picture.
     let mut picture = [0_u32; 36];
     (picture[16], picture[17]) = (16, 8);
     let picture = gpu.uniform("picture", &picture).unwrap();
     let cells = gpu.buffer("cells", &[0_u32, 1]).unwrap();
-    let n_places = 128;
+    let samples = gpu.zeroed::<T>("samples", 64 * step as usize).unwrap();
+    let n_unfinished = gpu.zeroed::<u32>("n_unfinished", 1).unwrap();
+    let blocks = gpu.zeroed::<S>("blocks", step as usize).unwrap();
+    let waiting = gpu.zeroed::<S>("waiting", 9 * N_PLACES as usize).unwrap();
+    let sums = gpu.zeroed::<S>("sums", N_PLACES as usize).unwrap();
+    for first in (0..2 * n).step_by(step as usize) {
+        let end = (first + step).min(2 * n);
+        let taken: Vec<_> = (first..end).flat_map(|group| (0..64).map(move |pixel| (group, pixel))).collect();
+        gpu.write(&samples, &taken.iter().map(|&(group, pixel)| of(group, pixel)).collect::<Vec<_>>());
+        // The first work-group of a dispatch counts from its first cell.
+        let cell = first / n;
+        let slice = [first - cell * n, end - cell * n, 0, n, cell];
+        let slice = gpu.uniform("slice", &slice).unwrap();
+        let window = gpu.buffer("cells", &[cell, 1]).unwrap();
+        let bound: [NamedBinding<'_>; 8] = [
+            ("picture", &picture),
+            ("slice", &slice),
+            ("cells", if cell == 0 { &cells } else { &window }),
+            (name, &samples),
+            ("n_unfinished", &n_unfinished),
+            ("blocks", &blocks),
+            ("waiting", &waiting),
+            ("sums", &sums),
+        ];
+        let mut commands = gpu.commands();
+        let of_cells = (end - cell * n).div_ceil(n);
+        for (kernel, groups) in kernels.iter().zip([end - first, of_cells]) {
+            commands.dispatch(kernel, &bound, kernel.groups(64 * groups)).unwrap();
+        }
+        block_on(commands.run()).unwrap();
+    }
+    block_on(gpu.read(&sums)).unwrap()
+}
+
+/// Numbers of any kind, of which many are of similar size, so that their sums round.
+fn number(k: u32, salt: u32) -> f32 {
+    let bits = scattered(k, salt);
+    match k % 7 {
+        0..4 => f32::from_bits((bits & 0x83ff_ffff) | 0x3c00_0000),
+        4 => f32::from_bits(bits),
+        // Below the normal ones.
+        5 => f32::from_bits(bits & 0x807f_ffff),
+        _ => [0.0, -0.0, f32::INFINITY, f32::NAN, f32::MAX, -f32::MAX, f32::MIN_POSITIVE][bits as usize % 7],
+    }
+}
+
+/// What the host makes of the same samples.
+fn sums_by_host<T: Copy + Default + Add<Output = T>>(n: u32, of: impl Fn(u32, u32) -> T) -> Vec<T> {
+    let sum = |place: u32| {
+        let mut sum = Dyadic::default();
+        (0..n).for_each(|k| sum.push_sample(k, of(place / 64 * n + k, place % 64)));
+        sum.total()
+    };
+    (0..N_PLACES).map(sum).collect()
+}
+
+/// The kernels alone: bits of sums of any numbers, of dispatches of any size.
+fn sums_of_any_numbers_have_the_bits_of_the_host() {
+    let gpu = gpu();
     for n in [1, 2, 3, 63, 64, 65, 127, 128, 192, 200, 389] {
-        let number = |k: u32| {
-            let bits = scattered(k, n);
-            match k % 7 {
-                // Of similar size, so that sums round.
-                0..4 => f32::from_bits((bits & 0x83ff_ffff) | 0x3c00_0000),
-                4 => f32::from_bits(bits),
-                // Below the normal ones.
-                5 => f32::from_bits(bits & 0x807f_ffff),
-                _ => [0.0, -0.0, f32::INFINITY, f32::NAN, f32::MAX, -f32::MAX, f32::MIN_POSITIVE][bits as usize % 7],
-            }
-        };
         let sample = |group: u32, pixel: u32| {
             let first = 3 * (64 * group + pixel);
-            [number(first), number(first + 1), number(first + 2), f32::from(group as u8)]
+            let [red, green, blue] = [first, first + 1, first + 2].map(|k| number(k, n));
+            [red, green, blue, f32::from(group as u8)]
         };
         // What the host sums, and what it would of numbers that differ in a bit.
-        let sums_of = |flipped: u32| -> Vec<Pixel> {
-            let sum = |place: u32| {
-                let mut sum = Dyadic::default();
-                for k in 0..n {
-                    let [red, green, blue, _] = sample(place / 64 * n + k, place % 64);
-                    let of = Pixel::of([f32::from_bits(red.to_bits() ^ flipped), green, blue]);
-                    sum.push_sample(k, of);
-                }
-                sum.total()
+        let by_host = |flipped: u32| {
+            let sums = sums_by_host(n, |group, pixel| {
+                let [red, green, blue, _] = sample(group, pixel);
+                Pixel::of([f32::from_bits(red.to_bits() ^ flipped), green, blue])
+            });
+            let bits = |pixel: Pixel| {
+                let all = pixel.sum.into_iter().chain(pixel.sum_of_squares).map(f64::to_bits);
+                (all.collect::<Vec<_>>(), [pixel.n_samples, pixel.n_negative, pixel.n_dropped])
             };
-            (0..n_places).map(sum).collect()
+            sums.into_iter().map(bits).collect::<Vec<_>>()
         };
-        let bits = |pixel: &Pixel| {
-            let all = pixel.sum.into_iter().chain(pixel.sum_of_squares).map(f64::to_bits);
-            (all.collect::<Vec<_>>(), [pixel.n_samples, pixel.n_negative, pixel.n_dropped])
-        };
-        let theirs: Vec<_> = sums_of(0).iter().map(bits).collect();
+        let (theirs, others) = (by_host(0), by_host(1));
         for step in [1, 50, 64, 150, 2 * n] {
-            let samples = gpu.zeroed::<[f32; 4]>("samples", 64 * step as usize).unwrap();
-            let n_unfinished = gpu.zeroed::<u32>("n_unfinished", 1).unwrap();
-            let blocks = gpu.zeroed::<[u64; 8]>("blocks", step as usize).unwrap();
-            let waiting = gpu.zeroed::<[u64; 8]>("waiting", 9 * n_places as usize).unwrap();
-            let sums = gpu.zeroed::<[u64; 8]>("sums", n_places as usize).unwrap();
-            for first in (0..2 * n).step_by(step as usize) {
-                let end = (first + step).min(2 * n);
-                let taken: Vec<_> = (first..end).flat_map(|group| (0..64).map(move |pixel| (group, pixel))).collect();
-                gpu.write(&samples, &taken.iter().map(|&(group, pixel)| sample(group, pixel)).collect::<Vec<_>>());
-                // The first work-group of a dispatch counts from its first cell.
-                let cell = first / n;
-                let slice = [first - cell * n, end - cell * n, 0, n, cell];
-                let slice = gpu.uniform("slice", &slice).unwrap();
-                let window = gpu.buffer("cells", &[cell, 1]).unwrap();
-                let bound: [NamedBinding<'_>; 8] = [
-                    ("picture", &picture),
-                    ("slice", &slice),
-                    ("cells", if cell == 0 { &cells } else { &window }),
-                    ("samples", &samples),
-                    ("n_unfinished", &n_unfinished),
-                    ("blocks", &blocks),
-                    ("waiting", &waiting),
-                    ("sums", &sums),
-                ];
-                let mut commands = gpu.commands();
-                let of_cells = (end - cell * n).div_ceil(n);
-                for (kernel, groups) in kernels.iter().zip([end - first, of_cells]) {
-                    commands.dispatch(kernel, &bound, kernel.groups(64 * groups)).unwrap();
-                }
-                block_on(commands.run()).unwrap();
-            }
-            let found = block_on(gpu.read(&sums)).unwrap();
+            let found: Vec<[u64; 8]> = sums_by_kernels(&gpu, (choice::Summed::Light, "samples"), [n, step], &sample);
             let ours = found.iter().map(|words| {
                 let dropped = (words[6] >> 32) as u32;
                 (words[..6].to_vec(), [n - dropped, words[6] as u32, dropped])
@@ -279,8 +354,43 @@ fn sums_of_any_numbers_have_the_bits_of_the_host() {
             assert!(ours == theirs, "{n} samples in dispatches of {step}");
             let n_rays = (0..n).map(|k| u64::from(k as u8)).sum::<u64>();
             assert_eq!(found[5][7], n_rays, "{n} samples");
-            let apart = sums_of(1).iter().map(bits).zip(&ours).filter(|(theirs, ours)| theirs != *ours).count();
-            assert!(2 * apart > n_places as usize, "{apart} of {n_places}");
+            let apart = others.iter().zip(&ours).filter(|(theirs, ours)| theirs != ours).count();
+            assert!(2 * apart > N_PLACES as usize, "{apart} of {N_PLACES}");
+        }
+    }
+}
+
+/// The same of parts of the light, of which no part counts where a number is not finite.
+fn parts_of_any_numbers_have_the_bits_of_the_host() {
+    let gpu = gpu();
+    for n in [1, 3, 64, 65, 200] {
+        // Most samples are finite.
+        let part = |group: u32, pixel: u32, k: u32| {
+            let at = 21 * (64 * group + pixel);
+            [0, 1, 2].map(|c| number(if pixel % 5 == 0 { at + 3 * k + c } else { 7 * (at + 3 * k + c) + c }, n))
+        };
+        let first_of = |group: u32, pixel: u32| [3, 4, 5, 6].map(|k| part(group, pixel, k));
+        let sums_of = |flipped: u32| {
+            sums_by_host(n, |group, pixel| {
+                let mut parts = [0, 1, 2].map(|k| part(group, pixel, k));
+                parts[0][0] = f32::from_bits(parts[0][0].to_bits() ^ flipped);
+                Components::weighted(parts, Some(first_of(group, pixel)), 1.0)
+            })
+        };
+        let bits = |parts: &[[f64; 3]]| parts.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let (theirs, others) = (sums_of(0), sums_of(1));
+        for step in [1, 50, 64, 150] {
+            let sample = |group: u32, pixel: u32| [0, 1, 2].map(|k| part(group, pixel, k));
+            let ours: Vec<[[f64; 3]; 3]> =
+                sums_by_kernels(&gpu, (choice::Summed::Components, "components"), [n, step], &sample);
+            let first: Vec<[[f64; 3]; 4]> =
+                sums_by_kernels(&gpu, (choice::Summed::FirstLight, "first_light"), [n, step], &first_of);
+            for ((ours, first), theirs) in ours.iter().zip(&first).zip(&theirs) {
+                assert_eq!(bits(ours), bits(&theirs.sums), "{n} samples in dispatches of {step}");
+                assert_eq!(bits(first), bits(&theirs.first.unwrap()), "{n} samples in dispatches of {step}");
+            }
+            let apart = others.iter().zip(&ours).filter(|(theirs, ours)| bits(&theirs.sums) != bits(&ours[..])).count();
+            assert!(2 * apart > N_PLACES as usize, "{apart} of {N_PLACES}");
         }
     }
 }

@@ -3,13 +3,12 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bytemuck::Pod;
-use canted_film::{CELL, Components, Pixel, Sums, Tile, Tiling};
+use canted_film::{Aovs, CELL, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, TracedScene, block_on};
 
 use super::picture::{CELL_PIXELS, Pace, Slice};
-use super::records::{PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, Took};
-use super::sums::{PackedGuideSum, PackedSample, PackedSum, SampleRun, packed, runs};
+use super::records::{ReadyKernels, Records, RenderKernels, Samples, Took};
+use super::sums::{PixelSums, SampleRun, runs};
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
 
@@ -22,35 +21,17 @@ const FIRST: u32 = 64;
 /// Maximum work-groups of a dispatch: 32 MiB of samples.
 const MAX: u32 = 1 << 15;
 
-/// What kernels found of one sample of each of the 64 pixels of a cell.
-#[derive(Default)]
-pub(super) struct Found<'a> {
-    /// Empty where the device sums samples, unless the CPU must take some. What it writes is summed.
-    samples: &'a mut [PackedSample],
-    /// AOVs, likewise; empty where none is requested.
-    guides: &'a mut [PackedGuide],
-    /// The light in its parts; empty where it is not requested.
-    components: &'a [PackedComponents],
-    /// What the first surface reflects, likewise.
-    first_light: &'a [PackedFirstLight],
-}
-
-/// Sums that the device made, pixel by pixel: of light, and of AOVs where they are requested.
-type DeviceSum = (Vec<PackedSum>, Vec<PackedGuideSum>);
+/// Work-groups of a dispatch with which a device still makes progress.
+const FEW: u32 = 64;
 
 /// Takes samples of cells on a GPU.
 pub(super) struct SampleDispatcher<'a> {
     gpu: &'a Gpu,
     kernels: ReadyKernels,
     slice: Buffer<Slice>,
-    samples: Buffer<PackedSample>,
-    /// AOVs of each sample, where they are requested.
-    guides: Option<Buffer<PackedGuide>>,
-    /// The light of each sample in its parts, where they are requested.
-    components: Option<Buffer<PackedComponents>>,
-    /// What the first surface reflects in each sample, where it is requested.
-    first_light: Option<Buffer<PackedFirstLight>>,
-    /// Work-groups of the next dispatch.
+    records: Records,
+    /// Most work-groups of a dispatch, and those of the next one.
+    max_groups: u32,
     n_groups: u32,
     pace: Arc<Pace>,
     /// Rays of streams that exact kernels traced.
@@ -58,32 +39,44 @@ pub(super) struct SampleDispatcher<'a> {
 }
 
 impl<'a> SampleDispatcher<'a> {
-    /// For `n_groups` work-groups in all, which take `n_samples` of each pixel, in as many dispatches as it takes.
+    /// For `n_groups` work-groups in all, which take `n_samples` of each pixel with these AOVs, in as many dispatches as it takes.
     pub(super) fn new(
         gpu: &'a Gpu,
         traced: &TracedScene,
-        (kernels, pace): (RenderKernels, &Arc<Pace>),
+        (kernels, pace): (&RenderKernels, &Arc<Pace>),
+        aovs: Aovs,
         (n_groups, n_samples): (u32, u32),
     ) -> Result<Self, GpuError> {
+        let mut max_groups = MAX.min(n_groups.max(1)).min(kernels.max_groups(gpu, aovs, pace));
+        loop {
+            match Self::of(gpu, traced, (kernels.clone(), pace), aovs, (max_groups, n_samples)) {
+                // Fewer samples at once take less memory; the buffers of this attempt are too large.
+                Err(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) if max_groups > FEW => {
+                    gpu.free_work_buffers();
+                    max_groups = (max_groups / 4).max(FEW);
+                }
+                made => return made,
+            }
+        }
+    }
+
+    /// With buffers for so many work-groups of a dispatch.
+    fn of(
+        gpu: &'a Gpu,
+        traced: &TracedScene,
+        (kernels, pace): (RenderKernels, &Arc<Pace>),
+        aovs: Aovs,
+        (max_groups, n_samples): (u32, u32),
+    ) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, first_cell: 0 };
-        let slice = gpu.uniform("slice", &slice)?;
-        let kernels = ReadyKernels::new(gpu, traced, (kernels, pace), (MAX.min(n_groups.max(1)), n_samples))?;
-        let n = kernels.max_groups;
-        let n_samples = n as usize * CELL_PIXELS;
-        let samples = gpu.work_buffer("samples", n_samples)?;
-        let guides = kernels.has_guides().then(|| gpu.work_buffer("guides", n_samples)).transpose()?;
-        let components = kernels.has_components.then(|| gpu.work_buffer("components", n_samples)).transpose()?;
-        let first_light = kernels.has_first_light.then(|| gpu.work_buffer("first_light", n_samples)).transpose()?;
         Ok(Self {
             gpu,
-            kernels,
-            slice,
-            samples,
-            guides,
-            components,
-            first_light,
+            kernels: ReadyKernels::new(gpu, traced, (kernels, pace), (max_groups, n_samples))?,
+            slice: gpu.uniform("slice", &slice)?,
+            records: Records::new(gpu, aovs, max_groups as usize * CELL_PIXELS)?,
+            max_groups,
             // As many as of the picture before: frames differ little, and a dispatch that costs 20 times as much still ends before drivers give it up.
-            n_groups: pace.n_groups().max(FIRST).min(n),
+            n_groups: pace.n_groups().max(FIRST).min(max_groups),
             pace: pace.clone(),
             n_exact_rays: 0,
         })
@@ -101,8 +94,10 @@ impl<'a> SampleDispatcher<'a> {
 
     /// Takes the samples of a run of each cell.
     ///
-    /// `each` receives the number of a cell, of a sample, and what was found of it, cell by cell in the order of samples. Returns the sums of all
-    /// pixels, if the device makes them; nothing once `stop`, which is called between dispatches, returns true.
+    /// `each` receives what was found of samples, the index of the first one of the 64 pixels of a cell, the number of the cell, and that of the sample, cell
+    /// by cell in the order of samples: of all samples, or, where the device sums them, of those of a dispatch some of which the CPU must take. Then
+    /// what it writes is summed. Returns the sums of all pixels, if the device makes them; nothing once `stop`, which is called between
+    /// dispatches, returns true.
     ///
     /// # Errors
     /// Errors of the device.
@@ -112,54 +107,53 @@ impl<'a> SampleDispatcher<'a> {
         run: &SampleRun,
         bindings: &[NamedBinding<'_>],
         stop: &dyn Fn() -> bool,
-        mut each: impl FnMut(usize, u32, Found<'_>),
-    ) -> Result<DeviceSum, GpuError> {
+        mut each: impl FnMut(&mut Samples, usize, usize, u32),
+    ) -> Result<PixelSums, GpuError> {
         let n_samples = run.end - run.start;
         let all = cells.len() as u64 * u64::from(n_samples);
         let mut done = 0;
-        let mut sums = DeviceSum::default();
+        let mut sums = PixelSums::default();
         while done < all && !stop() {
             // In windows of whole cells, so that work-groups are counted in 32 bits.
             let (cell, first_group) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
-            let n = u64::from(self.n_groups.min(self.kernels.max_groups)).min(all - done);
+            let n = u64::from(self.n_groups.min(self.max_groups)).min(all - done);
             let end_group = first_group + n as u32;
             let window = &cells[cell..(cell + end_group.div_ceil(n_samples) as usize)];
             let first_cell = cell as u32;
             let slice = Slice { first_group, end_group, first_sample: run.start, n_samples, first_cell };
             done += n;
             let n_sums = if done == all { cells.len() * CELL_PIXELS } else { 0 };
-            sums = self.dispatch((window, slice), n_sums, bindings, |group, found| {
-                let number = first_group + group;
-                each(cell + (number / n_samples) as usize, run.start + number % n_samples, found);
+            sums = self.dispatch((window, slice), n_sums, bindings, |samples| {
+                for group in 0..n as u32 {
+                    let number = first_group + group;
+                    let first = group as usize * CELL_PIXELS;
+                    each(samples, first, cell + (number / n_samples) as usize, run.start + number % n_samples);
+                }
             })?;
         }
         Ok(sums)
     }
 
-    /// Takes the samples of a dispatch, and returns so many sums.
+    /// Takes the samples of a dispatch, and returns so many sums. `look` sees the samples that are downloaded.
     fn dispatch(
         &mut self,
         (cells, slice): (&[u32], Slice),
         n_sums: usize,
         bindings: &[NamedBinding<'_>],
-        each: impl FnMut(u32, Found<'_>),
-    ) -> Result<DeviceSum, GpuError> {
+        look: impl FnOnce(&mut Samples),
+    ) -> Result<PixelSums, GpuError> {
         let start = Instant::now();
         let n = slice.end_group - slice.first_group;
         let size = [n, cells.len() as u32];
         let cells = self.gpu.buffer("cells", cells)?;
         self.gpu.write(&self.slice, &[slice]);
-        let own: [NamedBinding<'_>; 3] = [("slice", &self.slice), ("cells", &cells), ("samples", &self.samples)];
-        let guides = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
-        let components = self.components.as_ref().map(|parts| -> NamedBinding<'_> { ("components", parts) });
-        let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
-        let kept = guides.into_iter().chain(components).chain(first_light);
-        let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
+        let own: [NamedBinding<'_>; 2] = [("slice", &self.slice), ("cells", &cells)];
+        let bindings: Vec<_> = own.into_iter().chain(self.records.bindings()).chain(bindings.iter().copied()).collect();
         self.kernels.run(self.gpu, &bindings, size)?;
         let mut time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
-        let (mut samples, mut sums, has_unfinished) = loop {
-            let (samples, sums, took) = self.kernels.read(self.gpu, &self.samples, [n_samples, n_sums])?;
+        let (samples, mut sums, has_unfinished) = loop {
+            let (samples, sums, took) = self.kernels.read(self.gpu, &self.records.samples, [n_samples, n_sums])?;
             let Took { n_exact_rays, is_done, has_unfinished } = took;
             self.n_exact_rays += n_exact_rays;
             if is_done {
@@ -169,56 +163,26 @@ impl<'a> SampleDispatcher<'a> {
             self.kernels.run_rest(self.gpu, &bindings, size)?;
             time += start.elapsed();
         };
-        if has_unfinished {
-            samples = block_on(self.gpu.read_first(&self.samples, n_samples))?;
-        }
-        let are_here = self.kernels.sums.is_none() || has_unfinished;
-        let mut guides = if are_here { self.read(self.guides.as_ref(), n_samples)? } else { vec![] };
-        let components = self.read(self.components.as_ref(), n_samples)?;
-        let first_light = self.read(self.first_light.as_ref(), n_samples)?;
-        for_each_group(n, (&mut samples, &mut guides, &components, &first_light), each);
-        if has_unfinished && let Some(on_device) = &self.kernels.sums {
-            // Now the CPU has taken those samples.
-            self.gpu.write(&self.samples, &samples);
-            if let Some(buffer) = &self.guides {
-                self.gpu.write(buffer, &guides);
+        let made = match &self.kernels.sums {
+            None => {
+                look(&mut self.records.read(self.gpu, Some(samples), n_samples)?);
+                PixelSums::default()
             }
-            self.kernels.finish(self.gpu.commands(), &bindings, size)?;
-            sums = block_on(self.gpu.read_first(&on_device.light.sums, n_sums))?;
-        }
-        let of_guides = self.kernels.sums.as_ref().and_then(|sums| sums.guides.as_ref());
-        let of_guides = self.read(of_guides.map(|guides| &guides.sums), n_sums)?;
-        self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
+            Some(on_device) => {
+                if has_unfinished {
+                    let mut samples = self.records.read(self.gpu, None, n_samples)?;
+                    look(&mut samples);
+                    // Now the CPU has taken those samples.
+                    self.records.write(self.gpu, &samples);
+                    self.kernels.finish(self.gpu.commands(), &bindings, size)?;
+                    sums = block_on(self.gpu.read_first(&on_device.light.sums, n_sums))?;
+                }
+                on_device.read(self.gpu, sums, n_sums)?
+            }
+        };
+        self.n_groups = next_size([n, self.n_groups], time, self.max_groups);
         self.pace.set_groups(self.n_groups);
-        Ok((sums, of_guides))
-    }
-
-    /// The first values of a buffer, if it is there.
-    fn read<T: Pod>(&self, buffer: Option<&Buffer<T>>, n: usize) -> Result<Vec<T>, GpuError> {
-        buffer.map_or(Ok(vec![]), |buffer| block_on(self.gpu.read_first(buffer, n)))
-    }
-}
-
-/// What was found of the samples of a dispatch: empty where it is not needed.
-type All<'a> = (&'a mut [PackedSample], &'a mut [PackedGuide], &'a [PackedComponents], &'a [PackedFirstLight]);
-
-/// Calls `each` for each of `n` work-groups, if anything of them is here.
-fn for_each_group(n: u32, (samples, guides, components, first_light): All<'_>, mut each: impl FnMut(u32, Found<'_>)) {
-    let is_here = !(samples.is_empty() && guides.is_empty() && components.is_empty() && first_light.is_empty());
-    let mut samples = samples.chunks_exact_mut(CELL_PIXELS);
-    let mut guides = guides.chunks_exact_mut(CELL_PIXELS);
-    let mut components = components.chunks_exact(CELL_PIXELS);
-    let mut first_light = first_light.chunks_exact(CELL_PIXELS);
-    for group in (0..n).filter(|_| is_here) {
-        each(
-            group,
-            Found {
-                samples: samples.next().unwrap_or_default(),
-                guides: guides.next().unwrap_or_default(),
-                components: components.next().unwrap_or_default(),
-                first_light: first_light.next().unwrap_or_default(),
-            },
-        );
+        Ok(made)
     }
 }
 
@@ -298,16 +262,20 @@ impl SampleCollector<'_> {
         for run in runs(samples.clone(), is_one) {
             for cells in cells.chunks_mut(self.dispatcher.max_cells()) {
                 let positions: Vec<u32> = cells.iter().map(|Cell { position: [x, y], .. }| x | y << 16).collect();
-                let (sums, guides) =
-                    self.dispatcher.take(&positions, &run, &self.bindings, stop, |cell, sample, found| {
-                        cells[cell].add(found, sample, is_summed, (weight, tiles));
-                    })?;
+                let found = |samples: &mut Samples, first: usize, cell: usize, sample: u32| {
+                    cells[cell].complete(samples, first, sample, tiles);
+                    if !is_summed {
+                        cells[cell].add(samples, first, sample, weight);
+                    }
+                };
+                let sums = self.dispatcher.take(&positions, &run, &self.bindings, stop, found)?;
                 if stop() {
                     return Ok(());
                 }
-                let mut guides = guides.chunks_exact(CELL_PIXELS);
-                for (cell, sums) in cells.iter_mut().zip(sums.chunks_exact(CELL_PIXELS)) {
-                    cell.add_sums(sums, guides.next(), &run);
+                if is_summed {
+                    for (cell, number) in cells.iter_mut().zip(0..) {
+                        cell.add_sums(&sums, number * CELL_PIXELS, &run);
+                    }
                 }
             }
         }
@@ -350,57 +318,28 @@ impl Cell {
         places.into_iter().map(move |[x, y]| ((y * CELL + x) as usize, [left + x, top + y]))
     }
 
-    /// Adds a sample of each pixel: the parts of its light, and its light and AOVs unless the device sums them. The CPU takes what the
-    /// device did not finish.
-    fn add(
-        &mut self,
-        found: Found<'_>,
-        sample: u32,
-        is_summed: bool,
-        (weight, tiles): (&dyn Fn([u32; 2], u32) -> f32, &dyn RenderTiles),
-    ) {
-        let Found { samples, guides, components, first_light } = found;
-        for ((index, pixel), sums) in self.places().zip(&mut self.sums) {
-            let is_unfinished = samples.get(index).is_some_and(|sample| sample[3] < 0.0);
-            let guide = guides.get_mut(index);
-            let is_known = !is_unfinished && guide.as_ref().is_none_or(|guide| guide.is_complete());
-            let mut one = Sums::default();
-            let by_cpu = if is_known { 0 } else { tiles.sample(pixel, sample, &mut one) };
-            match samples.get_mut(index) {
-                Some(sample) if is_unfinished && is_summed => *sample = packed(&one.pixel.total(), by_cpu),
-                _ => self.n_rays += by_cpu,
-            }
-            if let Some(&[red, green, blue, n_rays]) = samples.get(index).filter(|_| !is_summed) {
-                let by_device = || Pixel::weighted([red, green, blue], weight(pixel, sample));
-                self.n_rays += if is_unfinished { 0 } else { n_rays as u64 };
-                sums.pixel.push_sample(sample, if is_unfinished { one.pixel.total() } else { by_device() });
-            }
-            if let Some(guide) = guide {
-                if !is_known {
-                    *guide = PackedGuide::of(&one.guide.total());
-                }
-                if !is_summed {
-                    sums.guide.push_sample(sample, (&*guide).into());
-                }
-            }
-            if let Some(&components) = components.get(index) {
-                let by_device =
-                    || Components::weighted(components, first_light.get(index).copied(), weight(pixel, sample));
-                let components = if is_unfinished { one.components.total() } else { by_device() };
-                sums.components.push_sample(sample, components);
+    /// The CPU takes what the device did not finish of a sample of each pixel; `first` is the index of the first of the 64.
+    fn complete(&mut self, samples: &mut Samples, first: usize, sample: u32, tiles: &dyn RenderTiles) {
+        for (index, pixel) in self.places() {
+            if samples.is_unfinished(first + index) {
+                let mut one = Sums::default();
+                let n_rays = tiles.sample(pixel, sample, &mut one);
+                self.n_rays += samples.complete(first + index, &one, n_rays);
             }
         }
     }
 
-    /// Adds the sums of all samples of a run.
-    fn add_sums(&mut self, found: &[PackedSum], guides: Option<&[PackedGuideSum]>, run: &SampleRun) {
+    /// Adds a sample of each pixel.
+    fn add(&mut self, samples: &Samples, first: usize, sample: u32, weight: &dyn Fn([u32; 2], u32) -> f32) {
+        for ((index, pixel), sums) in self.places().zip(&mut self.sums) {
+            self.n_rays += samples.add_to(sums, first + index, sample, weight(pixel, sample));
+        }
+    }
+
+    /// Adds the sums of all samples of a run; `first` is the index of the first of the 64.
+    fn add_sums(&mut self, found: &PixelSums, first: usize, run: &SampleRun) {
         for ((index, _), sums) in self.places().zip(&mut self.sums) {
-            let found = &found[index];
-            self.n_rays += found.n_rays;
-            sums.pixel.push_sum(run.clone(), found.pixel(run.end - run.start));
-            if let Some(guides) = guides {
-                sums.guide.push_sum(run.clone(), (&guides[index]).into());
-            }
+            self.n_rays += found.add_to(sums, first + index, run);
         }
     }
 }

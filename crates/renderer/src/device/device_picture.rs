@@ -252,14 +252,18 @@ impl<'a> DevicePicture<'a> {
             Integrator::Path => chosen.clone(),
         };
         let can_stream = can_stream(gpu, scene, settings) && !traced.has_curves();
-        let light = match (can_stream && wanted.streams)
-            .then(|| streams(gpu, &chosen, (scene, &packed, &traced), settings, wanted.few_rounds))
-        {
+        let as_streams = |few| streams(gpu, &chosen, (scene, &packed, &traced), settings, few);
+        let by_streams = (can_stream && wanted.streams).then(|| match as_streams(wanted.few_rounds) {
+            // The kernel that ends samples is the largest one.
+            Err(GpuError::Limit { .. }) if wanted.few_rounds.is_some() => as_streams(None),
+            made => made,
+        });
+        let light = match by_streams {
             // They take more storage buffers.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
         };
-        let sums = || SumKernels::new(gpu, &chosen, guide.is_some());
+        let sums = || SumKernels::new(gpu, &chosen, settings.aovs);
         let sums = (settings.sums == SampleSums::Device).then(sums).transpose()?;
         let kernels = RenderKernels { light, guide, sums };
         let picture = gpu.read_only_uniform("picture", &facts)?;
@@ -411,7 +415,8 @@ impl<'a> DevicePicture<'a> {
             dispatcher: SampleDispatcher::new(
                 self.gpu,
                 &self.traced,
-                (self.kernels.clone(), &self.pace),
+                (&self.kernels, &self.pace),
+                settings.aovs,
                 (n_groups(settings), settings.range().len() as u32),
             )?,
             bindings: self.bindings(),

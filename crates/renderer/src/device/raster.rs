@@ -214,12 +214,12 @@ impl DevicePicture<'_> {
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
-        let mut dispatcher =
-            SampleDispatcher::new(self.gpu, &self.traced, (self.kernels.clone(), &Arc::default()), (n, 1))?;
+        let (kernels, aovs) = ((&self.kernels, &Arc::default()), self.settings.aovs);
+        let mut dispatcher = SampleDispatcher::new(self.gpu, &self.traced, kernels, aovs, (n, 1))?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();
-            dispatcher.take(&cells, &(0..1), &self.bindings(), &|| false, |_, _, _| {})?;
+            dispatcher.take(&cells, &(0..1), &self.bindings(), &|| false, |_, _, _, _| {})?;
             if round > 0 {
                 least = least.min(start.elapsed());
             }

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Aovs, Guide};
+use canted_film::{Aovs, Components, Guide, Pixel, Sums};
 use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, TracedScene, block_on, choice};
 
 use super::picture::{CELL_PIXELS, Pace};
 use super::streams::{StreamKernels, Streams};
-use super::sums::{DeviceSums, PackedSample, PackedSum, SumKernels};
+use super::sums::{DeviceSums, PackedSample, PackedSum, SumKernels, read};
 
 /// `Guide` of `render/guide`: the AOVs of a sample.
 #[repr(C)]
@@ -70,10 +70,133 @@ impl From<&PackedGuide> for Guide {
 }
 
 /// `FirstLight` of `shared/camera/first_light`: what the first surface reflects in a sample.
-pub(super) type PackedFirstLight = [[f32; 3]; 4];
+type PackedFirstLight = [[f32; 3]; 4];
 
 /// `Components` of `shared/camera/components`: the light of a sample in its parts.
-pub(super) type PackedComponents = [[f32; 3]; 3];
+type PackedComponents = [[f32; 3]; 3];
+
+/// What kernels keep of each sample of a dispatch, on the device.
+pub(super) struct Records {
+    pub(super) samples: Buffer<PackedSample>,
+    guides: Option<Buffer<PackedGuide>>,
+    components: Option<Buffer<PackedComponents>>,
+    first_light: Option<Buffer<PackedFirstLight>>,
+}
+
+/// The same on the host.
+pub(super) struct Samples {
+    light: Vec<PackedSample>,
+    /// Empty where they are not requested, like the others.
+    guides: Vec<PackedGuide>,
+    components: Vec<PackedComponents>,
+    first_light: Vec<PackedFirstLight>,
+}
+
+impl Records {
+    /// Of so many samples, of a picture with these AOVs.
+    pub(super) fn new(gpu: &Gpu, aovs: Aovs, n: usize) -> Result<Self, GpuError> {
+        Ok(Self {
+            samples: gpu.work_buffer("samples", n)?,
+            guides: (!aovs.is_empty()).then(|| gpu.work_buffer("guides", n)).transpose()?,
+            components: aovs.has_components().then(|| gpu.work_buffer("components", n)).transpose()?,
+            first_light: aovs.has_factors().then(|| gpu.work_buffer("first_light", n)).transpose()?,
+        })
+    }
+
+    /// Most bytes of a sample in one buffer.
+    pub(super) fn n_bytes(aovs: Aovs) -> usize {
+        if aovs.is_empty() { size_of::<PackedSample>() } else { size_of::<PackedGuide>() }
+    }
+
+    /// The bindings of kernels that write or sum them.
+    pub(super) fn bindings(&self) -> impl Iterator<Item = NamedBinding<'_>> {
+        let guides = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
+        let components = self.components.as_ref().map(|parts| -> NamedBinding<'_> { ("components", parts) });
+        let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
+        let samples: NamedBinding<'_> = ("samples", &self.samples);
+        [samples].into_iter().chain(guides).chain(components).chain(first_light)
+    }
+
+    /// Reads the first `n`, of which the light may be here.
+    pub(super) fn read(&self, gpu: &Gpu, light: Option<Vec<PackedSample>>, n: usize) -> Result<Samples, GpuError> {
+        Ok(Samples {
+            light: light.map_or_else(|| read(gpu, Some(&self.samples), n), Ok)?,
+            guides: read(gpu, self.guides.as_ref(), n)?,
+            components: read(gpu, self.components.as_ref(), n)?,
+            first_light: read(gpu, self.first_light.as_ref(), n)?,
+        })
+    }
+
+    /// Overwrites the first ones.
+    pub(super) fn write(&self, gpu: &Gpu, samples: &Samples) {
+        gpu.write(&self.samples, &samples.light);
+        if let Some(guides) = &self.guides {
+            gpu.write(guides, &samples.guides);
+        }
+        if let Some(components) = &self.components {
+            gpu.write(components, &samples.components);
+        }
+        if let Some(first_light) = &self.first_light {
+            gpu.write(first_light, &samples.first_light);
+        }
+    }
+}
+
+impl Samples {
+    /// Whether kernels did not finish something of a sample.
+    pub(super) fn is_unfinished(&self, at: usize) -> bool {
+        self.has_no_light(at) || self.guides.get(at).is_some_and(|guide| !guide.is_complete())
+    }
+
+    /// Whether they did not finish its light.
+    fn has_no_light(&self, at: usize) -> bool {
+        self.light[at][3] < 0.0
+    }
+
+    /// Stores what the CPU found of a sample, as kernels keep it. Light that they finished stays. Returns the number of rays, but for those
+    /// that are stored with light.
+    pub(super) fn complete(&mut self, at: usize, one: &Sums, n_rays: u64) -> u64 {
+        let has_no_light = self.has_no_light(at);
+        if has_no_light {
+            let light = one.pixel.total();
+            let sign = if light.n_negative > 0 { -1.0 } else { 1.0 };
+            self.light[at] = packed(&light, sign, n_rays);
+            let Components { sums, first } = one.components.total();
+            if let Some(components) = self.components.get_mut(at) {
+                *components = sums.map(|part| part.map(|x| (sign * x) as f32));
+            }
+            if let Some(first_light) = self.first_light.get_mut(at) {
+                *first_light = first.unwrap_or_default().map(|part| part.map(|x| (sign * x) as f32));
+            }
+        }
+        if let Some(guide) = self.guides.get_mut(at).filter(|guide| has_no_light || !guide.is_complete()) {
+            *guide = PackedGuide::of(&one.guide.total());
+        }
+        if has_no_light { 0 } else { n_rays }
+    }
+
+    /// Adds sample number `sample` of a pixel to its sums, with a weight. Returns the number of rays.
+    pub(super) fn add_to(&self, sums: &mut Sums, at: usize, sample: u32, weight: f32) -> u64 {
+        let [red, green, blue, n_rays] = self.light[at];
+        sums.pixel.push_sample(sample, Pixel::weighted([red, green, blue], weight));
+        if let Some(guide) = self.guides.get(at) {
+            sums.guide.push_sample(sample, guide.into());
+        }
+        if let Some(&parts) = self.components.get(at) {
+            let first = self.first_light.get(at).copied();
+            sums.components.push_sample(sample, Components::weighted(parts, first, weight));
+        }
+        n_rays as u64
+    }
+}
+
+/// A sample that the CPU took, as kernels keep it, without the sign of its weight; of one that is dropped, only that its light is not finite.
+fn packed(pixel: &Pixel, sign: f64, n_rays: u64) -> PackedSample {
+    let light = if pixel.n_dropped > 0 { [f64::INFINITY; 3] } else { pixel.sum.map(|x| sign * x) };
+    // Exact: light is that of an f32, and a sample has fewer rays than 2^24.
+    let [red, green, blue] = light.map(|x| x as f32);
+    [red, green, blue, n_rays as f32]
+}
 
 /// Compiled kernels.
 #[derive(Clone)]
@@ -96,6 +219,16 @@ pub(super) enum LightKernels {
 }
 
 impl RenderKernels {
+    /// Most work-groups of a dispatch, of a picture with these AOVs.
+    pub(super) fn max_groups(&self, gpu: &Gpu, aovs: Aovs, pace: &Pace) -> u32 {
+        let limit = gpu.limits().max_storage_buffer_binding_size;
+        let max = u32::try_from(limit / (CELL_PIXELS * Records::n_bytes(aovs)) as u64).unwrap_or(u32::MAX);
+        match &self.light {
+            LightKernels::Whole(_) => max,
+            LightKernels::Streams(_) => max.min(StreamKernels::max_groups(gpu, pace)),
+        }
+    }
+
     /// Whether a kernel binds a variable of this name.
     pub(super) fn binds(&self, name: &str) -> bool {
         let of_light = match &self.light {
@@ -112,12 +245,6 @@ pub(super) struct ReadyKernels {
     light: ReadyLight,
     guide: Option<Arc<Kernel>>,
     pub(super) sums: Option<DeviceSums>,
-    /// Work-groups of a dispatch.
-    pub(super) max_groups: u32,
-    /// Whether the parts of the light are written.
-    pub(super) has_components: bool,
-    /// Whether the light at the first surface is written.
-    pub(super) has_first_light: bool,
 }
 
 enum ReadyLight {
@@ -126,37 +253,23 @@ enum ReadyLight {
 }
 
 impl ReadyKernels {
-    /// Kernels for at most `max` work-groups, which take `n_samples` of a pixel.
+    /// Kernels for at most `n_groups` work-groups, which take `n_samples` of a pixel.
     pub(super) fn new(
         gpu: &Gpu,
         traced: &TracedScene,
         (kernels, pace): (RenderKernels, &Arc<Pace>),
-        (max, n_samples): (u32, u32),
+        (n_groups, n_samples): (u32, u32),
     ) -> Result<Self, GpuError> {
-        let limit = gpu.limits().max_storage_buffer_binding_size;
-        let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
-        let max = max.min(fit(size_of::<PackedSample>()));
-        let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
-        let has_components = kernels.binds("components");
-        let max = if has_components { max.min(fit(size_of::<PackedComponents>())) } else { max };
-        let has_first_light = kernels.binds("first_light");
-        let max = if has_first_light { max.min(fit(size_of::<PackedFirstLight>())) } else { max };
         let RenderKernels { light, guide, sums } = kernels;
-        let (light, max_groups) = match light {
-            LightKernels::Whole(kernel) => (ReadyLight::Whole(kernel), max),
+        let light = match light {
+            LightKernels::Whole(kernel) => ReadyLight::Whole(kernel),
             LightKernels::Streams(kernels) => {
-                let max = max.min(StreamKernels::max_groups(gpu, pace));
-                let (streams, n) = Streams::new(gpu, traced, (&kernels, pace), max as usize * CELL_PIXELS)?;
-                (ReadyLight::Streams(Box::new(streams)), (n / CELL_PIXELS) as u32)
+                let n = n_groups as usize * CELL_PIXELS;
+                ReadyLight::Streams(Box::new(Streams::new(gpu, traced, (kernels, pace.clone()), n)?))
             }
         };
-        let sums = sums.map(|kernels| DeviceSums::new(gpu, kernels, (max_groups, n_samples))).transpose()?;
-        Ok(Self { light, guide, sums, max_groups, has_components, has_first_light })
-    }
-
-    /// Whether AOVs are written.
-    pub(super) fn has_guides(&self) -> bool {
-        self.guide.is_some()
+        let sums = sums.map(|kernels| DeviceSums::new(gpu, kernels, (n_groups, n_samples))).transpose()?;
+        Ok(Self { light, guide, sums })
     }
 
     /// Takes the samples of `n` work-groups, of so many cells, and waits for them.

@@ -26,9 +26,6 @@ pub(super) const STATE_WORDS: usize = 52;
 const MAX_SAMPLES: usize = 1 << 20;
 const MAX_SAMPLES_SOFTWARE: usize = 1 << 16;
 
-/// Samples in flight with which a device still makes progress, in whole work-groups.
-const FEW_SAMPLES: usize = 64 * CELL_PIXELS;
-
 /// Compiled kernels between the queries.
 #[derive(Clone)]
 pub(super) struct StreamKernels {
@@ -146,24 +143,8 @@ impl StreamKernels {
 }
 
 impl Streams {
-    /// Streams of at most `n` samples, or fewer where the device has no memory for those; also returns how many.
+    /// Streams of at most `n` samples.
     pub(super) fn new(
-        gpu: &Gpu,
-        traced: &TracedScene,
-        (kernels, pace): (&StreamKernels, &Arc<Pace>),
-        n: usize,
-    ) -> Result<(Self, usize), GpuError> {
-        match Self::of(gpu, traced, (kernels.clone(), pace.clone()), n) {
-            Err(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) if n > FEW_SAMPLES => {
-                // Those of this attempt are too large.
-                gpu.free_work_buffers();
-                Self::new(gpu, traced, (kernels, pace), (n / 4).max(FEW_SAMPLES))
-            }
-            streams => Ok((streams?, n)),
-        }
-    }
-
-    fn of(
         gpu: &Gpu,
         traced: &TracedScene,
         (kernels, pace): (StreamKernels, Arc<Pace>),

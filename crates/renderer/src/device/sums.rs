@@ -1,7 +1,7 @@
 //! Samples that the device sums: one record a pixel comes back, for any number of samples.
 //!
 //! ```text
-//! reads   the samples of dispatches, cell by cell
+//! reads   what kernels keep of the samples of dispatches, cell by cell
 //! writes  the sums of all samples of each pixel
 //! holds   they have the bits of sums on the host
 //! source  shaders/render/sum.wgsl
@@ -11,8 +11,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Block, Guide, Pixel};
-use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, Variant, choice, wgsl};
+use canted_film::{Aovs, Block, Components, Guide, Pixel, Sums};
+use canted_gpu::{Buffer, Commands, Gpu, GpuError, Kernel, NamedBinding, Variant, block_on, choice, wgsl};
 
 use super::picture::CELL_PIXELS;
 
@@ -38,12 +38,12 @@ pub(super) struct PackedSum {
     sum_of_squares: [f64; 3],
     n_negative: u32,
     n_dropped: u32,
-    pub(super) n_rays: u64,
+    n_rays: u64,
 }
 
 impl PackedSum {
     /// The sums of `n` samples.
-    pub(super) fn pixel(&self, n: u32) -> Pixel {
+    fn pixel(&self, n: u32) -> Pixel {
         let Self { sum, sum_of_squares, n_negative, n_dropped, .. } = *self;
         Pixel { sum, sum_of_squares, n_samples: n - n_dropped, n_negative, n_dropped }
     }
@@ -73,33 +73,27 @@ impl From<&PackedGuideSum> for Guide {
     }
 }
 
-/// A sample that the CPU took, as kernels keep it; of one that is dropped, only that its light is not finite.
-pub(super) fn packed(pixel: &Pixel, n_rays: u64) -> PackedSample {
-    let light = match [pixel.n_dropped, pixel.n_negative] {
-        [0, 0] => pixel.sum,
-        [0, _] => pixel.sum.map(|x| -x),
-        _ => [f64::INFINITY; 3],
-    };
-    // Exact: light is that of an f32, and a sample has fewer rays than 2^24.
-    let [red, green, blue] = light.map(|x| x as f32);
-    [red, green, blue, n_rays as f32]
-}
+/// `SampleSum` of `summed/components` and of `summed/first_light`: linear RGB of each part.
+pub(super) type PackedParts<const N: usize> = [[f64; 3]; N];
 
 /// Compiled kernels.
 #[derive(Clone)]
 pub(super) struct SumKernels {
     light: BlocksAndPixels,
     guides: Option<BlocksAndPixels>,
+    components: Option<BlocksAndPixels>,
+    first_light: Option<BlocksAndPixels>,
 }
 
 /// The kernels that sum one thing of each sample, in their order.
 type BlocksAndPixels = [Arc<Kernel>; 2];
 
 impl SumKernels {
-    /// Those of a picture; `chosen` has the choices of its other kernels.
-    pub(super) fn new(gpu: &Gpu, chosen: &Variant, has_guides: bool) -> Result<Self, GpuError> {
+    /// Those of a picture with these AOVs; `chosen` has the choices of its other kernels.
+    pub(super) fn new(gpu: &Gpu, chosen: &Variant, aovs: Aovs) -> Result<Self, GpuError> {
+        use choice::Summed;
         use wgsl::render::sum;
-        let kernels = |summed: choice::Summed| -> Result<BlocksAndPixels, GpuError> {
+        let kernels = |summed: Summed| -> Result<BlocksAndPixels, GpuError> {
             let chosen = chosen.clone().with(summed);
             let [blocks, pixels] =
                 [sum::BLOCKS, sum::PIXELS].map(|name| Ok::<_, GpuError>((name, chosen.of_kernel(name)?)));
@@ -108,12 +102,17 @@ impl SumKernels {
             };
             Ok([blocks.clone(), pixels.clone()])
         };
-        let guides = has_guides.then(|| kernels(choice::Summed::Guide)).transpose()?;
-        Ok(Self { light: kernels(choice::Summed::Light)?, guides })
+        let wanted = |summed: Summed, is_wanted: bool| is_wanted.then(|| kernels(summed)).transpose();
+        Ok(Self {
+            light: kernels(Summed::Light)?,
+            guides: wanted(Summed::Guide, !aovs.is_empty())?,
+            components: wanted(Summed::Components, aovs.has_components())?,
+            first_light: wanted(Summed::FirstLight, aovs.has_factors())?,
+        })
     }
 }
 
-/// Most bytes of the sums of blocks that wait for other samples.
+/// Most bytes of the sums of one thing, of blocks that wait for other samples. Pictures of more cells are summed one part after the other.
 const MOST_WAITING: u64 = 64 << 20;
 
 /// Kernels with their buffers.
@@ -121,7 +120,9 @@ pub(super) struct DeviceSums {
     /// Samples of a dispatch that no kernel finished.
     pub(super) n_unfinished: Buffer<u32>,
     pub(super) light: ReadySums<PackedSum>,
-    pub(super) guides: Option<ReadySums<PackedGuideSum>>,
+    guides: Option<ReadySums<PackedGuideSum>>,
+    components: Option<ReadySums<PackedParts<3>>>,
+    first_light: Option<ReadySums<PackedParts<4>>>,
 }
 
 /// Kernels that sum one thing of each sample, with their buffers.
@@ -133,12 +134,37 @@ pub(super) struct ReadySums<T> {
     pub(super) sums: Buffer<T>,
 }
 
+/// The sums of the device, pixel by pixel; empty where they are not requested.
+#[derive(Default)]
+pub(super) struct PixelSums {
+    pub(super) light: Vec<PackedSum>,
+    guides: Vec<PackedGuideSum>,
+    components: Vec<PackedParts<3>>,
+    first_light: Vec<PackedParts<4>>,
+}
+
+impl PixelSums {
+    /// Adds the sums of a pixel over the samples of a run. Returns the number of rays.
+    pub(super) fn add_to(&self, sums: &mut Sums, pixel: usize, run: &SampleRun) -> u64 {
+        let light = &self.light[pixel];
+        sums.pixel.push_sum(run.clone(), light.pixel(run.end - run.start));
+        if let Some(guide) = self.guides.get(pixel) {
+            sums.guide.push_sum(run.clone(), guide.into());
+        }
+        if let Some(&parts) = self.components.get(pixel) {
+            let first = self.first_light.get(pixel).copied();
+            sums.components.push_sum(run.clone(), Components { sums: parts, first });
+        }
+        light.n_rays
+    }
+}
+
 impl DeviceSums {
     /// For dispatches of at most so many work-groups, which take so many samples of a pixel.
     pub(super) fn new(gpu: &Gpu, kernels: SumKernels, (n_groups, n_samples): (u32, u32)) -> Result<Self, GpuError> {
+        let SumKernels { light, guides, components, first_light } = kernels;
         let n_levels = n_samples.max(1).ilog2() as usize + 1;
         let most = gpu.limits().max_storage_buffer_binding_size.min(MOST_WAITING);
-        let SumKernels { light, guides } = kernels;
         let of_pixel = if guides.is_some() { size_of::<PackedGuideSum>() } else { size_of::<PackedSum>() };
         let of_cell = (CELL_PIXELS * n_levels * of_pixel) as u64;
         let n_cells = (most / of_cell).clamp(1, n_groups.max(1).into()) as usize;
@@ -147,6 +173,8 @@ impl DeviceSums {
             n_unfinished: gpu.work_buffer("unfinished samples", 1)?,
             light: ReadySums::new(gpu, light, size)?,
             guides: guides.map(|kernels| ReadySums::new(gpu, kernels, size)).transpose()?,
+            components: components.map(|kernels| ReadySums::new(gpu, kernels, size)).transpose()?,
+            first_light: first_light.map(|kernels| ReadySums::new(gpu, kernels, size)).transpose()?,
         })
     }
 
@@ -162,7 +190,7 @@ impl DeviceSums {
         bindings: &[NamedBinding<'_>],
         size: [u32; 2],
     ) -> Result<(), GpuError> {
-        let Self { n_unfinished, light, guides } = self;
+        let Self { n_unfinished, light, guides, components, first_light } = self;
         commands.clear(n_unfinished);
         let bindings = [bindings, &[("n_unfinished", n_unfinished)]].concat();
         // No pixel is summed before all unfinished samples are counted.
@@ -171,9 +199,30 @@ impl DeviceSums {
             if let Some(guides) = guides {
                 guides.record(commands, &bindings, size, step)?;
             }
+            if let Some(components) = components {
+                components.record(commands, &bindings, size, step)?;
+            }
+            if let Some(first_light) = first_light {
+                first_light.record(commands, &bindings, size, step)?;
+            }
         }
         Ok(())
     }
+
+    /// The sums of so many pixels; those of the light are here.
+    pub(super) fn read(&self, gpu: &Gpu, light: Vec<PackedSum>, n: usize) -> Result<PixelSums, GpuError> {
+        Ok(PixelSums {
+            light,
+            guides: read(gpu, self.guides.as_ref().map(|guides| &guides.sums), n)?,
+            components: read(gpu, self.components.as_ref().map(|components| &components.sums), n)?,
+            first_light: read(gpu, self.first_light.as_ref().map(|first| &first.sums), n)?,
+        })
+    }
+}
+
+/// The first values of a buffer, if it is there.
+pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: Option<&Buffer<T>>, n: usize) -> Result<Vec<T>, GpuError> {
+    buffer.map_or(Ok(vec![]), |buffer| block_on(gpu.read_first(buffer, n)))
 }
 
 impl<T: Pod> ReadySums<T> {
