@@ -18,7 +18,7 @@ const TARGET: Duration = Duration::from_millis(100);
 /// Work-groups of the first dispatch, before the speed of the device is known.
 const FIRST: u32 = 64;
 
-/// Maximum work-groups of a dispatch: 32 MiB of samples.
+/// Maximum work-groups of a dispatch: 32 MiB of samples, eight times as many invocations as the largest devices run at once.
 const MAX: u32 = 1 << 15;
 
 /// Work-groups of a dispatch with which a device still makes progress.
