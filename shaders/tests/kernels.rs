@@ -65,6 +65,24 @@ fn light_in_parts_is_bound_only_where_it_is_kept() {
     }
 }
 
+/// Storage buffers of a kernel.
+fn n_storage(kernel: ShaderName, chosen: &Variant) -> usize {
+    let shader = Shader::new(kernel, chosen).unwrap_or_else(|error| panic!("{error}"));
+    let is_storage = |kind: &BindingKind| matches!(kind, BindingKind::Storage { .. });
+    shader.entries[0].bindings.iter().filter(|binding| is_storage(&binding.kind)).count()
+}
+
+/// So a device that shades streams also ends them.
+#[test]
+fn the_kernel_that_ends_streams_binds_no_more_buffers_than_the_one_that_shades_them() {
+    for chosen in choices(wgsl::render::stream::REST) {
+        let shade = chosen.of_kernel(wgsl::render::stream::SHADE).unwrap_or_else(|error| panic!("{error}"));
+        let [rest, shade] = [(wgsl::render::stream::REST, &chosen), (wgsl::render::stream::SHADE, &shade)]
+            .map(|(kernel, chosen)| n_storage(kernel, chosen));
+        assert!(rest <= shade, "{rest} and {shade} of {chosen:?}");
+    }
+}
+
 /// A user's kernel with names that the module also has inside.
 const USER: &str = "
 struct Node { near: f32 }

@@ -185,7 +185,7 @@ fn dropped_samples_have_no_parts() {
     scene.environment = Some(Environment::Constant([3e38; 3]));
     scene.lights.clear();
     // Together with what a surface reflects.
-    scene.materials.iter_mut().for_each(|material| material.emission = [2e38; 3]);
+    scene.materials.iter_mut().for_each(|material| material.emission = [3.3e38; 3]);
     let bvh = scene_bvh(&scene, Levels::One);
     let of = |sums| {
         let settings = Settings { sums, aovs: Integrator::Hybrid.aovs(), ..settings(Integrator::Hybrid) };

@@ -2,11 +2,8 @@
 
 use canted_film::{Aov, Film};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Choice, Gpu, Limits, TracedScene, block_on};
-use canted_renderer::{
-    DeviceError, DeviceFrames, DevicePicture, Integrator, Levels, SampleSums, SceneBvh, Settings, Surfaces,
-    traced_scene,
-};
+use canted_gpu::{Gpu, TracedScene};
+use canted_renderer::{DevicePicture, Integrator, Levels, SampleSums, SceneBvh, Settings, Surfaces, traced_scene};
 use canted_scene::{Camera, Scene};
 
 use crate::gpu;
@@ -20,7 +17,6 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(rounds_that_samples_do_not_need_are_not_recorded),
         needs_device(the_cpu_takes_paths_that_streams_cut),
         needs_device(streams_leave_other_pictures_to_one_kernel),
-        needs_device(kernels_of_too_many_buffers_are_replaced),
     ]
 }
 
@@ -168,30 +164,4 @@ fn streams_leave_other_pictures_to_one_kernel() {
     many.0.lights = many.0.lights.iter().cycle().take(17).cloned().collect();
     assert!(refused(&many, &hybrid));
     assert!(!refused(&many, &path));
-}
-
-/// A frame whose samples one kernel ends, on devices with ever fewer storage buffers: it takes all rounds of rays without that kernel, or one kernel for each
-/// sample, with the same bits.
-fn kernels_of_too_many_buffers_are_replaced() {
-    let (scene, camera) = scenes::textured();
-    let bvh = scene_bvh(&scene, Levels::Two);
-    // More than one kernel takes whole.
-    let settings = Settings { width: 100, height: 82, samples: 8, ..settings(Integrator::Path, 1) };
-    let surfaces = Surfaces::with_lod(&scene, settings.lod);
-    let of = |n: u32| {
-        let lower = |limits: Limits| Limits { max_storage_buffers_per_shader_stage: n, ..limits };
-        let gpu = block_on(Gpu::with_limits(&Choice::Best, lower)).unwrap();
-        let mut frames = DeviceFrames::default();
-        let picture = DevicePicture::in_frame(&gpu, &surfaces, &bvh, &camera, &settings, &mut frames)?;
-        let before = gpu.traffic();
-        let film = monitored(|monitor| picture.render(vec![], monitor))?;
-        Ok::<_, DeviceError>((picture.n_exact_rays().is_some(), (gpu.traffic() - before).n_dispatches, film))
-    };
-    let n_max = gpu().limits().max_storage_buffers_per_shader_stage.min(31);
-    for n in (6..=n_max).rev() {
-        match of(n) {
-            Ok((s, d, _)) => eprintln!("{n}: {s} {d}"),
-            Err(error) => eprintln!("{n}: {error}"),
-        }
-    }
 }

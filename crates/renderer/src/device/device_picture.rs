@@ -252,14 +252,10 @@ impl<'a> DevicePicture<'a> {
             Integrator::Path => chosen.clone(),
         };
         let can_stream = can_stream(gpu, scene, settings) && !traced.has_curves();
-        let as_streams = |few| streams(gpu, &chosen, (scene, &packed, &traced), settings, few);
-        let by_streams = (can_stream && wanted.streams).then(|| match as_streams(wanted.few_rounds) {
-            // The kernel that ends samples is the largest one.
-            Err(GpuError::Limit { .. }) if wanted.few_rounds.is_some() => as_streams(None),
-            made => made,
-        });
-        let light = match by_streams {
-            // They take more storage buffers.
+        let light = match (can_stream && wanted.streams)
+            .then(|| streams(gpu, &chosen, (scene, &packed, &traced), settings, wanted.few_rounds))
+        {
+            // The kernel that shades takes more storage buffers, also than the one that ends samples.
             None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
             Some(kernels) => kernels?,
         };
