@@ -48,8 +48,9 @@ impl<'a> SampleDispatcher<'a> {
         (n_groups, n_samples): (u32, u32),
     ) -> Result<Self, GpuError> {
         let mut max_groups = MAX.min(n_groups.max(1)).min(kernels.max_groups(gpu, aovs, pace));
+        let n_cells = n_groups.div_ceil(n_samples.max(1));
         loop {
-            match Self::of(gpu, traced, (kernels.clone(), pace), aovs, (max_groups, n_samples)) {
+            match Self::of(gpu, traced, (kernels.clone(), pace), aovs, [max_groups, n_cells, n_samples]) {
                 // Fewer samples at once take less memory; the buffers of this attempt are too large.
                 Err(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) if max_groups > FEW => {
                     gpu.free_work_buffers();
@@ -60,18 +61,18 @@ impl<'a> SampleDispatcher<'a> {
         }
     }
 
-    /// With buffers for so many work-groups of a dispatch.
+    /// With buffers for so many work-groups of a dispatch, and cells.
     fn of(
         gpu: &'a Gpu,
         traced: &TracedScene,
         (kernels, pace): (RenderKernels, &Arc<Pace>),
         aovs: Aovs,
-        (max_groups, n_samples): (u32, u32),
+        [max_groups, n_cells, n_samples]: [u32; 3],
     ) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, first_cell: 0 };
         Ok(Self {
             gpu,
-            kernels: ReadyKernels::new(gpu, traced, (kernels, pace), (max_groups, n_samples))?,
+            kernels: ReadyKernels::new(gpu, traced, (kernels, pace), [max_groups, n_cells, n_samples])?,
             slice: gpu.uniform("slice", &slice)?,
             records: Records::new(gpu, aovs, max_groups as usize * CELL_PIXELS)?,
             max_groups,

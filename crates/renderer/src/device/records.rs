@@ -253,12 +253,12 @@ enum ReadyLight {
 }
 
 impl ReadyKernels {
-    /// Kernels for at most `n_groups` work-groups, which take `n_samples` of a pixel.
+    /// Kernels for at most `n_groups` work-groups of a dispatch, of at most `n_cells`, which take `n_samples` of a pixel.
     pub(super) fn new(
         gpu: &Gpu,
         traced: &TracedScene,
         (kernels, pace): (RenderKernels, &Arc<Pace>),
-        (n_groups, n_samples): (u32, u32),
+        [n_groups, n_cells, n_samples]: [u32; 3],
     ) -> Result<Self, GpuError> {
         let RenderKernels { light, guide, sums } = kernels;
         let light = match light {
@@ -268,7 +268,7 @@ impl ReadyKernels {
                 ReadyLight::Streams(Box::new(Streams::new(gpu, traced, (kernels, pace.clone()), n)?))
             }
         };
-        let sums = sums.map(|kernels| DeviceSums::new(gpu, kernels, (n_groups, n_samples))).transpose()?;
+        let sums = sums.map(|kernels| DeviceSums::new(gpu, kernels, [n_groups, n_cells, n_samples])).transpose()?;
         Ok(Self { light, guide, sums })
     }
 

@@ -160,14 +160,18 @@ impl PixelSums {
 }
 
 impl DeviceSums {
-    /// For dispatches of at most so many work-groups, which take so many samples of a pixel.
-    pub(super) fn new(gpu: &Gpu, kernels: SumKernels, (n_groups, n_samples): (u32, u32)) -> Result<Self, GpuError> {
+    /// For dispatches of at most so many work-groups, of at most so many cells, which take so many samples of a pixel.
+    pub(super) fn new(
+        gpu: &Gpu,
+        kernels: SumKernels,
+        [n_groups, n_cells, n_samples]: [u32; 3],
+    ) -> Result<Self, GpuError> {
         let SumKernels { light, guides, components, first_light } = kernels;
         let n_levels = n_samples.max(1).ilog2() as usize + 1;
         let most = gpu.limits().max_storage_buffer_binding_size.min(MOST_WAITING);
         let of_pixel = if guides.is_some() { size_of::<PackedGuideSum>() } else { size_of::<PackedSum>() };
         let of_cell = (CELL_PIXELS * n_levels * of_pixel) as u64;
-        let n_cells = (most / of_cell).clamp(1, n_groups.max(1).into()) as usize;
+        let n_cells = (most / of_cell).clamp(1, n_groups.min(n_cells).max(1).into()) as usize;
         let size = (n_groups as usize, n_cells, n_levels);
         Ok(Self {
             n_unfinished: gpu.work_buffer("unfinished samples", 1)?,
