@@ -125,7 +125,7 @@ pub use leaf::{
 };
 pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeBox, NodeKind};
 pub use query::{CrossingParts, MovingBvh, Order, TraversalCounts};
-pub use simd::SimdPath;
+pub use simd::{Loops, SimdPath};
 pub use subtree::{NodeLanes, Subtree};
 #[doc(hidden)]
 pub use traverse::{Prepared, PreparedRays};

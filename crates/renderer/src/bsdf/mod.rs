@@ -231,6 +231,7 @@ pub(crate) enum SeenBsdf<'a> {
 
 impl SeenBsdf<'_> {
     /// [`Bsdf::evaluate`].
+    #[inline]
     pub(crate) fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
         if incident[2].abs() < MIN_COSINE {
             return Evaluation::default();
@@ -249,6 +250,7 @@ impl SeenBsdf<'_> {
     }
 
     /// [`Bsdf::sample`].
+    #[inline]
     pub(crate) fn sample(&self, square: [f32; 2], choice: f32) -> Option<BsdfSample> {
         let (sample, turn) = match self {
             Self::Nothing => return None,

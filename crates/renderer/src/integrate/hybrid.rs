@@ -53,7 +53,7 @@ use glam::{DVec3, Vec3};
 
 use super::{INDIRECT, Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
-use crate::sampler::RememberingSampler;
+use crate::sampler::Drawn;
 use crate::sampling::Basis;
 use crate::times::Times;
 use crate::{Surface, narrow, wide};
@@ -67,22 +67,27 @@ const FIRST_LIGHT: u32 = 1 << 16;
 impl Transport<'_> {
     /// Samples of the hybrid integrator; see [`Transport::samples`].
     pub(super) fn hybrid_samples(&self, seen: Seen, ao_radius: f64, times: &mut Times) -> Vec<Sample> {
-        let mut sampler = self.sampler.remembering();
-        self.batch(seen, times, |path: &mut Path<()>, n, shadow_rays| {
-            self.hybrid_step(&mut sampler, path, n, shadow_rays, ao_radius)
-        })
+        self.batch(
+            seen,
+            times,
+            |n| {
+                let of_lights = self.lights.shapes().iter().map(|&light| self.light_dimension(n, light));
+                [std::iter::once(FIRST_BOUNCE + n).chain(of_lights).collect(), vec![]]
+            },
+            |path: &mut Path<()>, n, numbers, shadow_rays| self.hybrid_step(numbers, path, n, shadow_rays, ao_radius),
+        )
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
     fn hybrid_step(
         &self,
-        sampler: &mut RememberingSampler,
+        numbers: Drawn,
         path: &mut Path<()>,
         n: u32,
         shadow_rays: &mut ShadowRays,
         ao_radius: f64,
     ) -> bool {
-        let Path { pixel, sample, ray, cone, hit, first, accumulated, direct, .. } = path;
+        let Path { ray, cone, hit, first, accumulated, direct, .. } = path;
         let hit = match (self.lights.intersect_nth(n, ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
@@ -114,7 +119,7 @@ impl Transport<'_> {
             }
         };
         accumulated.add(n, surface.emission, 1.0);
-        let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
+        let square = |light| numbers.pair(1 + self.lights.shapes().partition_point(|&shape| shape < light));
         direct.throughput = accumulated.throughput;
         let unoccluded = reflected(&self.lights, surface, square, |to, ray, light| {
             // The shadow ray to light `k` has number `k`.
@@ -126,7 +131,7 @@ impl Transport<'_> {
         accumulated.count_scattering(false);
 
         // The weight of a cosine-sampled direction is the albedo.
-        let local = self.hemisphere.direction(sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
+        let local = self.hemisphere.direction(numbers.pair(0));
         accumulated.throughput *= Vec3::from(surface.bsdf.base_color) * self.hemisphere.weight(local[2]);
         let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));

@@ -4,6 +4,7 @@ use canted_trace::{Hit, Intersect, Query, Ray};
 use glam::Vec3;
 
 use crate::light::{LightId, LightSampler, Lights};
+use crate::sampler::{Drawn, Numbers};
 use crate::times::{Stage, Times};
 use crate::{Cone, Hemisphere, HitFilter, Sampler, Surface, Surfaces};
 
@@ -273,12 +274,14 @@ impl PathRadiance {
 impl Transport<'_> {
     /// Traces paths from camera rays whose hits are known.
     ///
-    /// `step` shades the `n`-th vertex, or ends the path, and returns whether there is a next ray.
+    /// `dimensions` are those of the pairs and of the single numbers that the `n`-th vertices may draw. `step` shades the `n`-th vertex, or
+    /// ends the path, and returns whether there is a next ray.
     fn batch<'a, W: Default>(
         &'a self,
         seen: Seen<'a>,
         times: &mut Times,
-        mut step: impl FnMut(&mut Path<'a, W>, u32, &mut ShadowRays) -> bool,
+        dimensions: impl Fn(u32) -> [Vec<u32>; 2],
+        mut step: impl FnMut(&mut Path<'a, W>, u32, Drawn, &mut ShadowRays) -> bool,
     ) -> Vec<Sample> {
         let begin = |(i, (&Start { ray, cone, pixel, sample }, &hit)): (usize, (&Start, &Option<Hit>))| Path {
             pixel,
@@ -295,13 +298,20 @@ impl Transport<'_> {
         let mut active: Vec<usize> = (0..paths.len()).collect();
         let (mut shadow_rays, mut lit) = (vec![], vec![]);
         let mut slice = RaySlice::default();
+        let mut numbers = Numbers::new(self.sampler);
         for n in 0.. {
             // The hit of the last ray is not shaded.
             if n <= self.bounces {
                 self.surfaces.prefetch(active.iter().filter_map(|&i| paths[i].hit.as_ref()));
+                let [pairs, singles] = dimensions(n);
+                numbers.draw(active.iter().map(|&i| (paths[i].pixel, paths[i].sample)), &pairs, &singles);
             }
             lit.clone_from(&active);
-            active.retain(|&i| step(&mut paths[i], n, &mut ShadowRays { all: &mut shadow_rays, path: i }));
+            let mut drawn = (0..).map(|k| numbers.of(k));
+            active.retain(|&i| {
+                let mut shadow_rays = ShadowRays { all: &mut shadow_rays, path: i };
+                drawn.next().is_some_and(|drawn| step(&mut paths[i], n, drawn, &mut shadow_rays))
+            });
             times.end(Stage::Shading);
             slice.clear();
             shadow_rays.retain(|&ShadowRay { path, ray, to, number, .. }: &ShadowRay| {

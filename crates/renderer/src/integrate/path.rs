@@ -11,32 +11,41 @@
 //! direction and for the one folded onto it, so that no energy is lost and none leaks through the back of a triangle. Sampling and
 //! evaluation fold in the same way.
 
-use canted_trace::Ray;
 use glam::{DVec3, Vec3};
 
 use super::{Path, PathRadiance, Sample, Seen, ShadowRays, Transport};
 use crate::bsdf::{Bsdf, Evaluation, SeenBsdf};
 use crate::light::{LightId, LightSampler, LitPoint};
-use crate::sampler::{RememberingSampler, SampleNumbers};
+use crate::sampler::Drawn;
 use crate::sampling::Basis;
 use crate::times::Times;
 use crate::{Surface, narrow, wide};
 
-/// Sampler dimensions at each vertex, after the position in the pixel.
+/// Numbers that a vertex draws, see [`Dimensions`].
 #[derive(Clone, Copy)]
-enum Dimension {
+enum Pair {
     Light,
-    LightChoice,
     Scattering,
-    ScatteringChoice,
-    Roulette,
 }
 
-impl Dimension {
+/// Those that not all scenes need come last.
+#[derive(Clone, Copy)]
+enum Single {
+    Roulette,
+    ScatteringChoice,
+    LightChoice,
+}
+
+/// Sampler dimensions at each vertex, after the position in the pixel: of the numbers in the order of their enums.
+struct Dimensions;
+
+impl Dimensions {
+    const PAIRS: [u32; 2] = [0, 2];
+    const SINGLES: [u32; 3] = [4, 3, 1];
     const COUNT: u32 = 5;
 
-    fn at(self, vertex: u32) -> u32 {
-        1 + vertex * Self::COUNT + self as u32
+    fn at(vertex: u32, of: &[u32]) -> Vec<u32> {
+        of.iter().map(|dimension| 1 + vertex * Self::COUNT + dimension).collect()
     }
 }
 
@@ -158,24 +167,29 @@ impl<'s> Vertex<'s> {
 impl Transport<'_> {
     /// Samples of the path integrator; see [`Transport::samples`].
     pub(super) fn path_samples(&self, seen: Seen, lights: &LightSampler, times: &mut Times) -> Vec<Sample> {
-        let mut sampler = self.sampler.remembering();
-        self.batch(seen, times, |path: &mut Path<PathState>, n, shadow_rays| {
-            self.path_step(&mut sampler, path, n, shadow_rays, lights)
-        })
+        let n_singles = match (lights.has_choice(), self.surfaces.are_lambert()) {
+            (true, _) => 3,
+            (false, false) => 2,
+            (false, true) => 1,
+        };
+        self.batch(
+            seen,
+            times,
+            |n| [Dimensions::at(n, &Dimensions::PAIRS), Dimensions::at(n, &Dimensions::SINGLES[..n_singles])],
+            |path: &mut Path<PathState>, n, numbers, shadow_rays| self.path_step(numbers, path, n, shadow_rays, lights),
+        )
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
     fn path_step(
         &self,
-        sampler: &mut RememberingSampler,
+        numbers: Drawn,
         path: &mut Path<PathState>,
         n: u32,
         shadow_rays: &mut ShadowRays,
         lights: &LightSampler,
     ) -> bool {
         let Path {
-            pixel,
-            sample,
             ray,
             cone,
             hit,
@@ -183,6 +197,7 @@ impl Transport<'_> {
             accumulated,
             direct,
             state: PathState { vertex: previous, density, compression },
+            ..
         } = path;
         // The MIS weight of light found by BSDF sampling.
         let mis_weight = |light: LightId| {
@@ -208,66 +223,70 @@ impl Transport<'_> {
         if surface.emission != [0.0; 3] {
             accumulated.add(n, surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
-        let mut numbers = sampler.of(*pixel, *sample);
         let vertex = &Vertex::new(&mut surface, ray.direction, self);
         *previous = Some(LitPoint::of(vertex.surface, vertex.transmits()));
         let bsdf = vertex.bsdf().seen_from(vertex.outgoing);
         if !vertex.bsdf().is_delta_only() {
-            // The shadow ray does not have the number of the ray that leaves the vertex.
-            if let Some((ray, to, light)) = self.sample_light(&mut numbers, accumulated, lights, vertex, &bsdf, n) {
-                shadow_rays.add(ray, to, 0, light);
-            }
+            self.sample_light(numbers, accumulated, lights, vertex, &bsdf, n, shadow_rays);
             direct.throughput = Vec3::ONE;
         }
-        let Some(next) = self.scatter(&mut numbers, accumulated, compression, vertex, &bsdf, n) else { return false };
-        (*ray, *density) = next;
+        let Some((direction, found_by)) = self.scatter(numbers, accumulated, compression, vertex, &bsdf, n) else {
+            return false;
+        };
+        *ray = vertex.surface.spawn_ray(direction);
+        *density = found_by;
         *cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
         true
     }
 
-    /// Samples a light at a vertex: the shadow ray, if the light can be occluded, the light and what the vertex reflects of it.
+    /// Samples a light at a vertex: adds a shadow ray and what the vertex reflects of the light.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the state of a vertex")]
     fn sample_light(
         &self,
-        numbers: &mut SampleNumbers,
+        numbers: Drawn,
         accumulated: &PathRadiance,
         lights: &LightSampler,
         vertex: &Vertex,
         bsdf: &SeenBsdf,
         n: u32,
-    ) -> Option<(Option<Ray>, LightId, Vec3)> {
-        let choice = if lights.has_choice() { numbers.single(Dimension::LightChoice.at(n)) } else { 0.0 };
-        let square = numbers.pair(Dimension::Light.at(n));
-        let light = lights.sample(vertex.surface, vertex.transmits(), choice, square)?;
+        shadow_rays: &mut ShadowRays,
+    ) {
+        let choice = if lights.has_choice() { numbers.single(Single::LightChoice as usize) } else { 0.0 };
+        let square = numbers.pair(Pair::Light as usize);
+        let Some(light) = lights.sample(vertex.surface, vertex.transmits(), choice, square) else { return };
         // Surface emission belongs to the vertex on the emitter, which here is beyond the last one.
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
-            return None;
+            return;
         }
         let Evaluation { value, density } = vertex.evaluate(bsdf, light.to_light);
         if value == [0.0; 3] {
-            return None;
+            return;
         }
         // BSDF sampling never finds delta lights.
         let mis_weight = if light.is_delta { 1.0 } else { weight(light.density, density) };
         let reflected = accumulated.direct(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
-        Some((light.shadow_ray, light.light, reflected))
+        // The shadow ray does not have the number of the ray that leaves the vertex.
+        shadow_rays.add(light.shadow_ray, light.light, 0, reflected);
     }
 
-    /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
+    /// Samples the BSDF: the direction of the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
+    #[inline(always)]
     fn scatter(
         &self,
-        numbers: &mut SampleNumbers,
+        numbers: Drawn,
         accumulated: &mut PathRadiance,
         compression: &mut f32,
         vertex: &Vertex,
         bsdf: &SeenBsdf,
         n: u32,
-    ) -> Option<(Ray, Option<f32>)> {
-        if !survives(accumulated, *compression, n, || numbers.single(Dimension::Roulette.at(n))) {
+    ) -> Option<([f32; 3], Option<f32>)> {
+        if !survives(accumulated, *compression, n, || numbers.single(Single::Roulette as usize)) {
             return None;
         }
-        let square = numbers.pair(Dimension::Scattering.at(n));
+        let square = numbers.pair(Pair::Scattering as usize);
         let is_lambert = vertex.bsdf().is_lambert();
-        let choice = if is_lambert { 0.0 } else { numbers.single(Dimension::ScatteringChoice.at(n)) };
+        let choice = if is_lambert { 0.0 } else { numbers.single(Single::ScatteringChoice as usize) };
         let scattered = bsdf.sample(square, choice)?;
         let direction = vertex.direction(scattered.incident);
         accumulated.throughput *= Vec3::from(scattered.weight);
@@ -280,7 +299,7 @@ impl Transport<'_> {
             // The PDF includes that of the direction folded onto this one.
             let density =
                 if vertex.is_perturbed { vertex.evaluate(bsdf, direction).density } else { scattered.density };
-            (vertex.surface.spawn_ray(direction), (!scattered.is_delta).then_some(density))
+            (direction, (!scattered.is_delta).then_some(density))
         })
     }
 }

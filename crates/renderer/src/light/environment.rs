@@ -42,6 +42,7 @@ impl<'a> Sky<'a> {
     }
 
     /// Samples a direction: by the cosine to the shading normal without a `sampler`, which is that of an image.
+    #[inline]
     pub(super) fn sample(
         &self,
         sampler: Option<&SkySampler>,

@@ -279,6 +279,11 @@ impl<'a> Lights<'a> {
         self.list
     }
 
+    /// Indices of those that have an area, and so are sampled with a point of the unit square.
+    pub(crate) fn shapes(&self) -> &[u32] {
+        &self.shape_lights
+    }
+
     /// `t`, index and radiance of the first shape light before `hit`. On a tie, the lowest index.
     fn first_shape_light(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, u32, [f32; 3])> {
         let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };

@@ -104,6 +104,7 @@ impl<'a> LightSampler<'a> {
     /// Samples a light, from a number `choice` in `[0, 1)` and a point of the unit square.
     ///
     /// Light from behind the triangle is sampled only if `transmits`. `None` if there is no light.
+    #[inline]
     #[must_use]
     pub fn sample(&self, from: &Surface, transmits: bool, choice: f32, square: [f32; 2]) -> Option<LightSample> {
         let (kind, kind_probability, choice) = self.choose(choice.into())?;

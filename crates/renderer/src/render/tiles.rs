@@ -9,7 +9,7 @@ use canted_trace::{Counts, Hit};
 
 use super::Adaptive;
 use crate::integrate::{Seen, Start, Transport};
-use crate::sampler::RememberingSampler;
+use crate::sampler::Numbers;
 use crate::times::{Stage, Times};
 use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, Surface, View};
 
@@ -45,6 +45,9 @@ pub(crate) trait RenderTiles: Sync {
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
 }
 
+/// A sample whose camera ray is not traced yet: the index of its pixel in its cell, the pixel and the number.
+type PixelSample = (usize, [u32; 2], u32);
+
 /// What all tiles of a picture share.
 pub(super) struct TileRenderer<'a> {
     pub(super) transport: &'a Transport<'a>,
@@ -72,9 +75,7 @@ impl RenderTiles for TileRenderer<'_> {
     }
 
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
-        let mut started = Started::default();
-        started.add(0, self.start(&mut self.transport.sampler.remembering(), pixel, sample));
-        self.finish(&mut started, std::slice::from_mut(sums), &mut Times::new(), &|| false).unwrap_or_default()
+        self.finish(&mut vec![(0, pixel, sample)], std::slice::from_mut(sums), &mut Times::new(), &|| false).unwrap_or_default()
     }
 }
 
@@ -91,16 +92,15 @@ impl TileRenderer<'_> {
         let sums = &mut sums[..pixels.len()];
         sums.iter_mut().for_each(Sums::clear);
         let mut adaptive = Adaptive::new(self.settings);
-        let mut started = Started::default();
-        let mut sampler = self.transport.sampler.remembering();
+        let mut started = vec![];
         loop {
             for (index, pixel) in pixels.clone().enumerate() {
                 for sample in adaptive.next.clone() {
                     if stop() {
                         return None;
                     }
-                    started.add(index, self.start(&mut sampler, pixel, sample));
-                    if started.starts.len() == self.batch.rays {
+                    started.push((index, pixel, sample));
+                    if started.len() == self.batch.rays {
                         *n_rays += self.finish(&mut started, sums, times, stop)?;
                     }
                 }
@@ -112,45 +112,58 @@ impl TileRenderer<'_> {
         }
     }
 
-    /// The camera ray of a sample, and its weight by the filter.
-    fn start(&self, sampler: &mut RememberingSampler, [x, y]: [u32; 2], sample: u32) -> (Start, f32) {
-        let number = y * self.settings.width + x;
-        let ([dx, dy], weight) = self.filter.sample(sampler.pair(number, sample, PIXEL_POSITION));
-        let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
-        let ray = if self.view.has_lens() {
-            self.view.ray_through_lens(position, sampler.pair(number, sample, LENS))
-        } else {
-            self.view.ray(position)
+    /// The camera rays of samples, and their weights by the filter.
+    fn starts(&self, samples: &[PixelSample]) -> (Vec<Start>, Vec<f32>) {
+        let number = |[x, y]: [u32; 2]| y * self.settings.width + x;
+        let has_lens = self.view.has_lens();
+        let (pairs, singles) = ([PIXEL_POSITION, LENS], [TIME]);
+        let mut numbers = Numbers::new(self.transport.sampler);
+        numbers.draw(
+            samples.iter().map(|&(_, pixel, sample)| (number(pixel), sample)),
+            &pairs[..1 + usize::from(has_lens)],
+            &singles[..usize::from(self.has_motion)],
+        );
+        let start = |(i, &(_, [x, y], sample)): (usize, &PixelSample)| {
+            let numbers = numbers.of(i);
+            let ([dx, dy], weight) = self.filter.sample(numbers.pair(0));
+            let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
+            let ray = if has_lens {
+                self.view.ray_through_lens(position, numbers.pair(1))
+            } else {
+                self.view.ray(position)
+            };
+            let ray = ray.at_time(if self.has_motion { numbers.single(0) } else { 0.0 });
+            (Start { ray, cone: self.view.cone(position, sample), pixel: number([x, y]), sample }, weight)
         };
-        let time = if self.has_motion { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
-        let ray = ray.at_time(time);
-        (Start { ray, cone: self.view.cone(position, sample), pixel: number, sample }, weight)
+        samples.iter().enumerate().map(start).unzip()
     }
 
     /// Traces paths, and adds the radiance and the AOVs of samples, in order, to the sums of their cell; returns the number of rays. `None` once `stop`,
     /// which is called before each few paths, returns true.
     fn finish(
         &self,
-        started: &mut Started,
+        started: &mut Vec<PixelSample>,
         sums: &mut [Sums],
         times: &mut Times,
         stop: &dyn Fn() -> bool,
     ) -> Option<u64> {
+        let (starts, weights) = self.starts(started);
         times.end(Stage::Camera);
-        let (hits, tests) = self.hits(&started.starts);
+        let (hits, tests) = self.hits(&starts);
         times.end(Stage::Rays);
         let mut n_rays = 0;
         let mut surfaces = Vec::new();
-        for (chunk, starts) in started.starts.chunks(self.batch.paths).enumerate() {
+        for (chunk, starts) in starts.chunks(self.batch.paths).enumerate() {
             if stop() {
                 return None;
             }
             let first = chunk * self.batch.paths;
             let of_chunk = first..first + starts.len();
-            let (hits, places) = (&hits[of_chunk.clone()], &started.places[of_chunk.clone()]);
+            let (hits, places) = (&hits[of_chunk.clone()], &started[of_chunk.clone()]);
+            let weights = &weights[of_chunk.clone()];
             surfaces.clear();
             if self.tiling.has_guides() {
-                for (i, (start, &(index, _))) in of_chunk.zip(starts.iter().zip(places)) {
+                for (i, (start, &(index, ..))) in of_chunk.zip(starts.iter().zip(places)) {
                     let tests = tests.as_ref().map_or([0.0; 2], |tests| tests[i]);
                     let (surface, guide) = self.guide(start, hits[surfaces.len()], tests);
                     sums[index].guide.push_sample(start.sample, guide);
@@ -159,8 +172,8 @@ impl TileRenderer<'_> {
                 times.end(Stage::Shading);
             }
             let lights = self.transport.samples(Seen { starts, hits, surfaces: &surfaces }, times);
-            for ((start, &(index, weight)), light) in starts.iter().zip(places).zip(lights) {
-                let (pixel, sample) = (Pixel::weighted(light.radiance, weight), start.sample);
+            for ((&(index, _, sample), &weight), light) in places.iter().zip(weights).zip(lights) {
+                let pixel = Pixel::weighted(light.radiance, weight);
                 sums[index].pixel.push_sample(sample, pixel);
                 if self.tiling.has_components() {
                     let components = match pixel.n_dropped {
@@ -173,8 +186,7 @@ impl TileRenderer<'_> {
             }
             times.end(Stage::Film);
         }
-        started.starts.clear();
-        started.places.clear();
+        started.clear();
         times.end(Stage::Film);
         Some(n_rays)
     }
@@ -226,21 +238,6 @@ impl TileRenderer<'_> {
 /// The offset of a sample from the center of a pixel, in pixels, and its weight.
 pub(crate) fn sample_offset(filter: &FilterSampler, sampler: &Sampler, pixel: u32, sample: u32) -> ([f64; 2], f32) {
     filter.sample(sampler.pair(pixel, sample, PIXEL_POSITION))
-}
-
-/// Samples whose camera rays are not traced yet.
-#[derive(Default)]
-struct Started {
-    starts: Vec<Start>,
-    /// For each, the index of its pixel in its cell and its weight by the filter.
-    places: Vec<(usize, f32)>,
-}
-
-impl Started {
-    fn add(&mut self, index: usize, (start, weight): (Start, f32)) {
-        self.starts.push(start);
-        self.places.push((index, weight));
-    }
 }
 
 // Distributes tiles among the threads of the CPU and a GPU.

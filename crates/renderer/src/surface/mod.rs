@@ -107,6 +107,8 @@ pub struct Surfaces<'a> {
     lod: Lod,
     /// For each material, whether it has textures other than alpha.
     is_textured: Vec<bool>,
+    /// Whether all materials have the diffuse lobe alone.
+    are_lambert: bool,
     /// For each mesh, where its segments are along strands, if it has curves with textures.
     strands: Vec<Option<Vec<[f32; 2]>>>,
     /// For each instance, whether any of its materials uses alpha.
@@ -159,13 +161,19 @@ impl<'a> Surfaces<'a> {
         let uses_alpha = of_instances(&Material::uses_alpha);
         let is_single_sided = of_instances(&|material| hit_filter::is_single_sided(material, false));
         let strands = scene.meshes.iter().map(|mesh| curve::strands(mesh, &scene.materials)).collect();
-        Self { scene, placements, textures, lod, is_textured, strands, uses_alpha, is_single_sided }
+        let are_lambert = scene.materials.iter().all(is_lambert);
+        Self { scene, placements, textures, lod, is_textured, are_lambert, strands, uses_alpha, is_single_sided }
     }
 
     /// The scene.
     #[must_use]
     pub fn scene(&self) -> &'a Scene {
         self.scene
+    }
+
+    /// Whether all materials have the diffuse lobe alone.
+    pub(crate) fn are_lambert(&self) -> bool {
+        self.are_lambert
     }
 
     /// Its textures.
@@ -369,6 +377,12 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
         lobes: None,
         hair: None,
     }
+}
+
+/// Whether surfaces of a material have the diffuse lobe alone, see [`Bsdf::is_lambert`].
+fn is_lambert(material: &Material) -> bool {
+    let Material { metallic, specular, transmission, lobes, hair, .. } = material;
+    *metallic == 0.0 && *specular == 0.0 && *transmission == 0.0 && lobes.is_none() && hair.is_none()
 }
 
 /// A uniform number in `[0, 1)` for a ray and a triangle, stratified over the samples of a key.

@@ -57,6 +57,12 @@ impl SimdPath {
         }
     }
 
+    /// Runs loops with these instructions, where this machine has them. `mul` and `add` stay two roundings, so results are the same bits.
+    #[inline]
+    pub fn run<L: Loops>(self, loops: L) -> L::Output {
+        self.available().run(Plain(loops))
+    }
+
     /// The proof that this machine has the instructions, or that of the scalar path.
     pub(crate) fn available(self) -> AvailablePath {
         match self {
@@ -77,6 +83,27 @@ impl SimdPath {
             Self::Simd128 => None,
         }
         .unwrap_or(AvailablePath::Scalar)
+    }
+}
+
+/// Loops over arrays that the compiler translates for the instructions of a path, see [`SimdPath::run`].
+pub trait Loops {
+    /// The result.
+    type Output;
+
+    /// Runs them. Must be `#[inline(always)]`, and so must everything it calls, otherwise it is translated for any machine.
+    fn run(self) -> Self::Output;
+}
+
+/// Loops without lanes of their own.
+struct Plain<L>(L);
+
+impl<L: Loops> super::Task for Plain<L> {
+    type Output = L::Output;
+
+    #[inline(always)]
+    fn on<S: super::Simd>(self, _: S) -> L::Output {
+        self.0.run()
     }
 }
 

@@ -1,3 +1,7 @@
+mod lanes;
+
+pub(crate) use lanes::{Drawn, Numbers};
+
 /// Distribution of the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Pattern {
@@ -70,28 +74,8 @@ impl Sampler {
     /// has no limit.
     #[must_use]
     pub fn pair(&self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
-        self.pairs(pixel, dimension).at(sample)
-    }
-
-    /// The points of all samples of a pixel in one dimension.
-    fn pairs(&self, pixel: u32, dimension: u32) -> Pairs {
-        let key = self.key(pixel, dimension);
-        let salted = |salt: u32| mix(key ^ salt);
-        let pattern = match self.pattern {
-            Pattern::Random => PairPattern::Random,
-            Pattern::Sobol => PairPattern::Sobol([3, 4, 5].map(salted)),
-            Pattern::Stratified => PairPattern::Stratified {
-                cells: Permutation::new(self.columns * self.rows, salted(3)),
-                rows: Permutation::new(self.rows, salted(4)),
-                columns: Permutation::new(self.columns, salted(5)),
-            },
-        };
-        Pairs { pattern, jitter: salted(1) }
-    }
-
-    /// A sampler that is faster where samples of the same pixels follow each other.
-    pub(crate) fn remembering(self) -> RememberingSampler {
-        RememberingSampler { sampler: self, pairs: [None; KNOWN], singles: [None; KNOWN] }
+        let [[x], [y]] = lanes::pairs(self, &[pixel], &[sample], dimension);
+        [x, y]
     }
 
     /// A number in `[0, 1)`, independent of [`Sampler::pair`] of the same dimension.
@@ -99,18 +83,8 @@ impl Sampler {
     /// Stratified like a coordinate of it: one sample in each of the `n` strata.
     #[must_use]
     pub fn single(&self, pixel: u32, sample: u32, dimension: u32) -> f32 {
-        self.singles(pixel, dimension).at(sample)
-    }
-
-    /// The numbers of all samples of a pixel in one dimension.
-    fn singles(&self, pixel: u32, dimension: u32) -> Singles {
-        let key = self.key(pixel, dimension);
-        let pattern = match self.pattern {
-            Pattern::Random => SinglePattern::Random,
-            Pattern::Stratified => SinglePattern::Stratified(Permutation::new(self.columns * self.rows, mix(key ^ 7))),
-            Pattern::Sobol => SinglePattern::Sobol(key),
-        };
-        Singles { pattern, jitter: mix(key ^ 6) }
+        let [x] = lanes::singles(self, &[pixel], &[sample], dimension);
+        x
     }
 
     /// Random bits that do not depend on the pattern, independent of [`Sampler::pair`] of the same dimension.
@@ -120,135 +94,17 @@ impl Sampler {
     }
 
     /// The hash of a pixel and dimension.
+    #[inline(always)]
     fn key(&self, pixel: u32, dimension: u32) -> u32 {
         mix(mix(self.seed ^ pixel) ^ dimension)
     }
 }
 
-/// Dimensions of pairs, and of single numbers, that a [`RememberingSampler`] keeps. An integrator needs two or three of each at a vertex.
-const KNOWN: usize = 4;
-
-/// A [`Sampler`] that keeps what depends on pixel and dimension alone: most of the arithmetic of a stratified pair.
-pub(crate) struct RememberingSampler {
-    sampler: Sampler,
-    /// Pixel, dimension and pairs, at the dimension modulo [`KNOWN`].
-    pairs: [Option<(u32, u32, Pairs)>; KNOWN],
-    /// The same of single numbers.
-    singles: [Option<(u32, u32, Singles)>; KNOWN],
-}
-
-/// The numbers of one sample of a pixel.
-pub(crate) struct SampleNumbers<'a> {
-    sampler: &'a mut RememberingSampler,
-    pixel: u32,
-    sample: u32,
-}
-
-impl SampleNumbers<'_> {
-    /// [`Sampler::pair`].
-    pub(crate) fn pair(&mut self, dimension: u32) -> [f32; 2] {
-        self.sampler.pair(self.pixel, self.sample, dimension)
-    }
-
-    /// [`Sampler::single`].
-    pub(crate) fn single(&mut self, dimension: u32) -> f32 {
-        self.sampler.single(self.pixel, self.sample, dimension)
-    }
-}
-
-impl RememberingSampler {
-    pub(crate) fn of(&mut self, pixel: u32, sample: u32) -> SampleNumbers<'_> {
-        SampleNumbers { sampler: self, pixel, sample }
-    }
-
-    /// [`Sampler::pair`].
-    pub(crate) fn pair(&mut self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
-        let slot = &mut self.pairs[dimension as usize % KNOWN];
-        match slot {
-            Some((p, d, pairs)) if *p == pixel && *d == dimension => pairs.at(sample),
-            _ => slot.insert((pixel, dimension, self.sampler.pairs(pixel, dimension))).2.at(sample),
-        }
-    }
-
-    /// [`Sampler::single`].
-    pub(crate) fn single(&mut self, pixel: u32, sample: u32, dimension: u32) -> f32 {
-        let slot = &mut self.singles[dimension as usize % KNOWN];
-        match slot {
-            Some((p, d, singles)) if *p == pixel && *d == dimension => singles.at(sample),
-            _ => slot.insert((pixel, dimension, self.sampler.singles(pixel, dimension))).2.at(sample),
-        }
-    }
-}
-
-/// The numbers of all samples of a pixel in one dimension.
-#[derive(Clone, Copy)]
-struct Singles {
-    pattern: SinglePattern,
-    jitter: u32,
-}
-
-#[derive(Clone, Copy)]
-enum SinglePattern {
-    Random,
-    /// The key of [`net_single`].
-    Sobol(u32),
-    Stratified(Permutation),
-}
-
-impl Singles {
-    fn at(&self, sample: u32) -> f32 {
-        let jitter = || mix(self.jitter ^ sample);
-        match &self.pattern {
-            SinglePattern::Random => unit(jitter() >> 8),
-            SinglePattern::Stratified(strata) => jittered(strata.of(remainder(sample, strata.n)), strata.n, jitter()),
-            SinglePattern::Sobol(key) => unit(net_single(sample, *key) >> 8),
-        }
-    }
-}
-
-/// The points of all samples of a pixel in one dimension. Permutations depend on pixel and dimension, the jitter also on the sample.
-#[derive(Clone, Copy)]
-struct Pairs {
-    pattern: PairPattern,
-    jitter: u32,
-}
-
-#[derive(Clone, Copy)]
-enum PairPattern {
-    Random,
-    /// Seeds of [`net_pair`].
-    Sobol([u32; 3]),
-    /// Correlated multi-jitter: permutes the cells, the rows within a column and the columns within a row.
-    Stratified {
-        cells: Permutation,
-        rows: Permutation,
-        columns: Permutation,
-    },
-}
-
-impl Pairs {
-    fn at(&self, sample: u32) -> [f32; 2] {
-        if let PairPattern::Sobol(seeds) = self.pattern {
-            return net_pair(sample, seeds).map(|x| unit(x >> 8));
-        }
-        let jitter_x = mix(self.jitter ^ sample);
-        let jitter_y = mix(jitter_x ^ 2);
-        let PairPattern::Stratified { cells, rows, columns } = &self.pattern else {
-            return [jitter_x, jitter_y].map(|jitter| unit(jitter >> 8));
-        };
-        let n = cells.n;
-        let cell = cells.of(remainder(sample, n));
-        let [row, column] = divided(cell, columns.n);
-        let x_stratum = column * rows.n + rows.of(row);
-        let y_stratum = row * columns.n + columns.of(column);
-        [jittered(x_stratum, n, jitter_x), jittered(y_stratum, n, jitter_y)]
-    }
-}
-
 /// Random numbers are multiples of 2⁻²⁴, the resolution of `f32` just below 1.
-const STEPS: u64 = 1 << 24;
+const STEPS: u32 = 1 << 24;
 
 /// The number with this many steps of 2⁻²⁴.
+#[inline(always)]
 pub(crate) fn unit(steps: u32) -> f32 {
     steps as f32 * (1.0 / STEPS as f32)
 }
@@ -257,85 +113,12 @@ pub(crate) fn unit(steps: u32) -> f32 {
 ///
 /// Two rounds of xor-shift and odd multiplication, with the constants of Wellons 2018 ("lowbias32"). The addition
 /// removes the fixed point at zero.
-#[inline]
+#[inline(always)]
 pub(crate) fn mix(x: u32) -> u32 {
     let x = x.wrapping_add(0x9e37_79b9);
     let x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
     let x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
     x ^ (x >> 16)
-}
-
-// Strata and permutations for any number of samples.
-
-/// `i % n`, without a division where the samples do not exceed their count.
-fn remainder(i: u32, n: u32) -> u32 {
-    if i < n { i } else { i % n }
-}
-
-/// Quotient and remainder, without a division for a power of two.
-fn divided(i: u32, n: u32) -> [u32; 2] {
-    if n.is_power_of_two() { [i >> n.trailing_zeros(), i & (n - 1)] } else { [i / n, i % n] }
-}
-
-/// A number in stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly.
-///
-/// For more than 2²⁴ strata, some contain no such multiple; they use the next larger one.
-fn jittered(k: u32, n: u32, random: u32) -> f32 {
-    let (low, width) = if n.is_power_of_two() && u64::from(n) <= STEPS {
-        // Same result as below, without divisions.
-        let width = STEPS >> n.trailing_zeros();
-        (u64::from(k) * width, width)
-    } else {
-        let first = |k: u64| (k * STEPS).div_ceil(u64::from(n));
-        let low = first(u64::from(k));
-        (low, first(u64::from(k) + 1) - low)
-    };
-    let steps = low + ((u64::from(random) * width) >> 32);
-    unit(steps.min(STEPS - 1) as u32)
-}
-
-/// A permutation of `0..n` selected by a key.
-///
-/// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` are permuted again (cycle
-/// walking, Black and Rogaway 2002), less than twice on average. The final rotation of `0..n` makes every image equally
-/// likely for small `n` too.
-#[derive(Clone, Copy)]
-struct Permutation {
-    n: u32,
-    /// `2^k - 1`.
-    mask: u32,
-    /// Half of `k`, rounded up; at least 1.
-    shift: u32,
-    /// One key a round.
-    keys: [u32; 3],
-    rotation: u32,
-}
-
-impl Permutation {
-    fn new(n: u32, key: u32) -> Self {
-        let rotation = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
-        let bits = u32::BITS - (n - 1).leading_zeros();
-        let mask = u32::MAX.checked_shr(u32::BITS - bits).unwrap_or(0);
-        Self { n, mask, shift: bits.div_ceil(2).max(1), keys: [mix(key), mix(key ^ 1), mix(key ^ 2)], rotation }
-    }
-
-    /// The image of `i < n`.
-    fn of(&self, mut i: u32) -> u32 {
-        let Self { n, mask, shift, .. } = *self;
-        loop {
-            for key in self.keys {
-                // Addition and odd multiplication modulo 2^k, then xor-shift: all are invertible.
-                i = i.wrapping_add(key).wrapping_mul(key >> 16 | 1) & mask;
-                i ^= i >> shift;
-            }
-            if i < n {
-                break;
-            }
-        }
-        // The sum modulo n, without overflow.
-        let remaining = n - self.rotation;
-        if i < remaining { i + self.rotation } else { i - remaining }
-    }
 }
 
 // Owen-scrambled (0,2)-sequences in base 2: of every aligned block of `2^m` samples, each elementary interval
@@ -348,23 +131,26 @@ impl Permutation {
 
 /// Point `sample` of the sequence selected by `seeds`, in units of 2⁻³². The first seed shuffles the samples, the
 /// others scramble one coordinate each. Seeds must be hashes.
+#[inline(always)]
 fn net_pair(sample: u32, seeds: [u32; 3]) -> [u32; 2] {
     let index = shuffled(sample, seeds[0]);
     [scrambled(index, seeds[1]), scrambled(second(index), seeds[2])]
 }
 
 /// One coordinate of the sequence of a key, in units of 2⁻³².
+#[inline(always)]
 pub(crate) fn net_single(sample: u32, key: u32) -> u32 {
-    let [shuffle, scramble] = [8, 9].map(|salt| mix(key ^ salt));
-    scrambled(shuffled(sample, shuffle), scramble)
+    scrambled(shuffled(sample, mix(key ^ 8)), mix(key ^ 9))
 }
 
 /// Shuffles sample indices; every aligned block of `2^m` maps to an aligned block.
+#[inline(always)]
 fn shuffled(index: u32, seed: u32) -> u32 {
     laine_karras(index.reverse_bits(), seed).reverse_bits()
 }
 
 /// Scrambles a coordinate given in reversed bits.
+#[inline(always)]
 fn scrambled(reversed: u32, seed: u32) -> u32 {
     laine_karras(reversed, seed).reverse_bits()
 }
@@ -373,16 +159,20 @@ fn scrambled(reversed: u32, seed: u32) -> u32 {
 ///
 /// Bit `j` is the parity of the index bits `k` for which the binomial `C(k, j)` is odd: those for which `k` contains
 /// all bits of `j`. Each of five steps sums over one bit of `k`.
+#[inline(always)]
 fn second(index: u32) -> u32 {
-    [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)]
-        .into_iter()
-        .fold(index, |bits, (step, mask)| bits ^ (bits >> step & mask))
+    let mut bits = index;
+    for (step, mask) in [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)] {
+        bits ^= bits >> step & mask;
+    }
+    bits
 }
 
 /// A bijective hash in which each bit depends only on itself and on lower bits (Laine and Karras 2011).
 ///
 /// Sums, products with odd numbers, and `x ^ x·even` have this property. The constants are those of Vegdahl 2021, which
 /// are less biased than Burley's.
+#[inline(always)]
 fn laine_karras(x: u32, seed: u32) -> u32 {
     let x = x ^ x.wrapping_mul(0x3d20_adea);
     let x = x.wrapping_add(seed);
@@ -393,22 +183,36 @@ fn laine_karras(x: u32, seed: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use super::lanes::{jittered, permuted};
     use super::*;
 
     #[test]
-    fn what_is_remembered_is_what_is_computed() {
+    fn numbers_side_by_side_are_those_of_each_sample() {
         for pattern in Pattern::ALL {
-            let sampler = Sampler::new(pattern, 12, 3);
-            let mut remembering = sampler.remembering();
-            for round in 0..2000_u32 {
-                // Pixels and dimensions return, some of them in the place of others.
-                let [pixel, sample, dimension] = [mix(round) % 3, round % 12, mix(round ^ 77) % 9];
-                let want = sampler.pair(pixel, sample, dimension);
-                assert_eq!(remembering.pair(pixel, sample, dimension), want, "{pattern:?} {pixel} {dimension}");
-                let want = sampler.single(pixel, sample, dimension);
-                assert_eq!(remembering.single(pixel, sample, dimension), want, "{pattern:?} {pixel} {dimension}");
+            for n in [1, 7, 12, 16, 24, 64, 97] {
+                let sampler = Sampler::new(pattern, n, 3);
+                let mut numbers = Numbers::new(sampler);
+                for count in [0, 1, 15, 16, 17, 64, 5] {
+                    let of = (0..count).map(|i| (mix(i) % 9, mix(i ^ count) % (n + 2)));
+                    let (pairs, singles) = ([4, 9, count], [count, 2]);
+                    numbers.draw(of.clone(), &pairs, &singles);
+                    for (i, (pixel, sample)) in of.enumerate() {
+                        let drawn = numbers.of(i);
+                        for (d, dimension) in pairs.into_iter().enumerate() {
+                            assert_eq!(drawn.pair(d), sampler.pair(pixel, sample, dimension), "{pattern:?} {n} {i}");
+                        }
+                        for (d, dimension) in singles.into_iter().enumerate() {
+                            assert_eq!(drawn.single(d), sampler.single(pixel, sample, dimension), "{pattern:?} {n} {i}");
+                        }
+                    }
+                }
             }
         }
+    }
+
+    /// The image of `i` by the permutation of `0..n` that a key selects.
+    fn image(i: u32, n: u32, key: u32) -> u32 {
+        permuted(&[i], n, &[key])[0]
     }
 
     #[test]
@@ -418,7 +222,7 @@ mod tests {
                 let mut seen = vec![false; n as usize];
                 for i in 0..n {
                     assert!(
-                        !std::mem::replace(&mut seen[Permutation::new(n, mix(key)).of(i) as usize], true),
+                        !std::mem::replace(&mut seen[image(i, n, mix(key)) as usize], true),
                         "n {n} key {key}"
                     );
                 }
@@ -435,7 +239,7 @@ mod tests {
             for i in 0..n {
                 let mut counts = vec![0_u32; n as usize];
                 for key in 0..KEYS {
-                    counts[Permutation::new(n, mix(key)).of(i) as usize] += 1;
+                    counts[image(i, n, mix(key)) as usize] += 1;
                 }
                 let expected = f64::from(KEYS) / f64::from(n);
                 let statistic: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
@@ -451,7 +255,7 @@ mod tests {
         for n in 2..=4_u32 {
             let mut counts = std::collections::HashMap::new();
             for key in 0..24_000 {
-                let image: Vec<u32> = (0..n).map(|i| Permutation::new(n, mix(key)).of(i)).collect();
+                let image: Vec<u32> = (0..n).map(|i| image(i, n, mix(key))).collect();
                 *counts.entry(image).or_insert(0_u32) += 1;
             }
             let n_permutations: u32 = (1..=n).product();
@@ -466,7 +270,7 @@ mod tests {
         for n in [1_u32, 3, 6, 7, 16, 24, 64, 1009, 65_535, 65_536] {
             for k in [0, n / 2, n - 1] {
                 for random in [0, 1, u32::MAX / 2, u32::MAX] {
-                    let steps = f64::from(jittered(k, n, random)) * f64::from(n);
+                    let steps = f64::from(jittered(&[k], n, &[random])[0]) * f64::from(n);
                     // The product may round, but never past an integer, because integers are representable.
                     assert!(f64::from(k) <= steps && steps < f64::from(k + 1), "stratum {k} of {n}: {steps}");
                 }
