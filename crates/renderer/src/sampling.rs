@@ -85,8 +85,8 @@ fn sin_cos_of_turns(turns: f32) -> [f32; 2] {
     let x = FRAC_PI_2 * (quarters - quarter as f32);
     let square = x * x;
     let sine = x + x * square * (-1.666_665_5e-1 + square * (8.332_161e-3 - square * 1.951_529_6e-4));
-    let cosine = 1.0 - 0.5 * square
-        + square * square * (4.166_664_6e-2 + square * (-1.388_731_6e-3 + square * 2.443_315_7e-5));
+    let cosine =
+        1.0 - 0.5 * square + square * square * (4.166_664_6e-2 + square * (-1.388_731_6e-3 + square * 2.443_315_7e-5));
     let [s, c] = if quarter & 1 == 0 { [sine, cosine] } else { [cosine, sine] };
     [if quarter & 2 == 0 { s } else { -s }, if (quarter + 1) & 2 == 0 { c } else { -c }]
 }

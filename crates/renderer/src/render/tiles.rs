@@ -45,8 +45,13 @@ pub(crate) trait RenderTiles: Sync {
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
 }
 
-/// A sample whose camera ray is not traced yet: the index of its pixel in its cell, the pixel and the number.
-type PixelSample = (usize, [u32; 2], u32);
+/// A sample whose camera ray is not traced yet.
+struct PixelSample {
+    /// Index of the pixel in its cell.
+    index: usize,
+    pixel: [u32; 2],
+    sample: u32,
+}
 
 /// What all tiles of a picture share.
 pub(super) struct TileRenderer<'a> {
@@ -75,7 +80,13 @@ impl RenderTiles for TileRenderer<'_> {
     }
 
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
-        self.finish(&mut vec![(0, pixel, sample)], std::slice::from_mut(sums), &mut Times::new(), &|| false).unwrap_or_default()
+        self.finish(
+            &mut vec![PixelSample { index: 0, pixel, sample }],
+            std::slice::from_mut(sums),
+            &mut Times::new(),
+            &|| false,
+        )
+        .unwrap_or_default()
     }
 }
 
@@ -99,7 +110,7 @@ impl TileRenderer<'_> {
                     if stop() {
                         return None;
                     }
-                    started.push((index, pixel, sample));
+                    started.push(PixelSample { index, pixel, sample });
                     if started.len() == self.batch.rays {
                         *n_rays += self.finish(&mut started, sums, times, stop)?;
                     }
@@ -119,19 +130,16 @@ impl TileRenderer<'_> {
         let (pairs, singles) = ([PIXEL_POSITION, LENS], [TIME]);
         let mut numbers = Numbers::new(self.transport.sampler);
         numbers.draw(
-            samples.iter().map(|&(_, pixel, sample)| (number(pixel), sample)),
+            samples.iter().map(|of| (number(of.pixel), of.sample)),
             &pairs[..1 + usize::from(has_lens)],
             &singles[..usize::from(self.has_motion)],
         );
-        let start = |(i, &(_, [x, y], sample)): (usize, &PixelSample)| {
+        let start = |(i, &PixelSample { pixel: [x, y], sample, .. }): (usize, &PixelSample)| {
             let numbers = numbers.of(i);
             let ([dx, dy], weight) = self.filter.sample(numbers.pair(0));
             let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
-            let ray = if has_lens {
-                self.view.ray_through_lens(position, numbers.pair(1))
-            } else {
-                self.view.ray(position)
-            };
+            let ray =
+                if has_lens { self.view.ray_through_lens(position, numbers.pair(1)) } else { self.view.ray(position) };
             let ray = ray.at_time(if self.has_motion { numbers.single(0) } else { 0.0 });
             (Start { ray, cone: self.view.cone(position, sample), pixel: number([x, y]), sample }, weight)
         };
@@ -163,7 +171,7 @@ impl TileRenderer<'_> {
             let weights = &weights[of_chunk.clone()];
             surfaces.clear();
             if self.tiling.has_guides() {
-                for (i, (start, &(index, ..))) in of_chunk.zip(starts.iter().zip(places)) {
+                for (i, (start, &PixelSample { index, .. })) in of_chunk.zip(starts.iter().zip(places)) {
                     let tests = tests.as_ref().map_or([0.0; 2], |tests| tests[i]);
                     let (surface, guide) = self.guide(start, hits[surfaces.len()], tests);
                     sums[index].guide.push_sample(start.sample, guide);
@@ -172,7 +180,7 @@ impl TileRenderer<'_> {
                 times.end(Stage::Shading);
             }
             let lights = self.transport.samples(Seen { starts, hits, surfaces: &surfaces }, times);
-            for ((&(index, _, sample), &weight), light) in places.iter().zip(weights).zip(lights) {
+            for ((&PixelSample { index, sample, .. }, &weight), light) in places.iter().zip(weights).zip(lights) {
                 let pixel = Pixel::weighted(light.radiance, weight);
                 sums[index].pixel.push_sample(sample, pixel);
                 if self.tiling.has_components() {

@@ -202,7 +202,11 @@ mod tests {
                             assert_eq!(drawn.pair(d), sampler.pair(pixel, sample, dimension), "{pattern:?} {n} {i}");
                         }
                         for (d, dimension) in singles.into_iter().enumerate() {
-                            assert_eq!(drawn.single(d), sampler.single(pixel, sample, dimension), "{pattern:?} {n} {i}");
+                            assert_eq!(
+                                drawn.single(d),
+                                sampler.single(pixel, sample, dimension),
+                                "{pattern:?} {n} {i}"
+                            );
                         }
                     }
                 }
@@ -221,10 +225,7 @@ mod tests {
             for key in 0..20 {
                 let mut seen = vec![false; n as usize];
                 for i in 0..n {
-                    assert!(
-                        !std::mem::replace(&mut seen[image(i, n, mix(key)) as usize], true),
-                        "n {n} key {key}"
-                    );
+                    assert!(!std::mem::replace(&mut seen[image(i, n, mix(key)) as usize], true), "n {n} key {key}");
                 }
             }
         }
