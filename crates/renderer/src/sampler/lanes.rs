@@ -2,10 +2,6 @@
 //!
 //! Everything is a loop over lanes that the compiler turns into vectors of the machine: therefore `#[inline(always)]` and no closures. The
 //! number of strata is the same in all lanes, so that branches on it are outside of the loops.
-#![expect(
-    clippy::needless_range_loop,
-    reason = "a loop over lanes reads as one, and iterators are not inlined everywhere"
-)]
 
 use canted_wide::{Loops, SimdPath};
 
