@@ -14,6 +14,8 @@ use crate::sums::monitored;
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(streams_have_the_bits_of_one_kernel),
+        needs_device(streams_of_textures_have_the_bits_of_one_kernel),
+        needs_device(streams_of_large_scenes_have_the_bits_of_one_kernel),
         needs_device(rounds_that_samples_do_not_need_are_not_recorded),
         needs_device(the_cpu_takes_paths_that_streams_cut),
         needs_device(streams_leave_other_pictures_to_one_kernel),
@@ -56,49 +58,54 @@ fn ended_after(
 }
 
 fn streams_have_the_bits_of_one_kernel() {
-    let gpu = gpu();
+    let (room, camera) = scenes::room();
     let (mut lit, camera_of_lit) = scenes::room();
     lit.environment = Some(scenes::sky());
-    let built_in = canted_scene::builtin();
-    let camera_of_built_in = scenes::frame_of(&built_in);
-    let (room, camera) = scenes::room();
     let (materials, camera_of_materials) = of_all_materials();
-    let (textured, camera_of_textured) = scenes::textured();
-    let (dollhouse, camera_of_dollhouse) = scenes::dollhouse();
+    compare_streams(Integrator::Path, ("room", &room, &camera));
+    compare_streams(Integrator::Hybrid, ("room before a sky", &lit, &camera_of_lit));
+    compare_streams(Integrator::Path, ("metal and glass", &materials, &camera_of_materials));
+}
+
+fn streams_of_textures_have_the_bits_of_one_kernel() {
+    let (textured, camera) = scenes::textured();
     let (moving, camera_of_moving) = scenes::in_motion(scenes::textured());
-    let scenes = [
-        ("room", &room, &camera),
-        ("room before a sky", &lit, &camera_of_lit),
-        ("metal and glass", &materials, &camera_of_materials),
-        ("textures and alpha", &textured, &camera_of_textured),
-        ("single-sided materials", &dollhouse, &camera_of_dollhouse),
-        ("motion", &moving, &camera_of_moving),
-        ("built-in", &built_in, &camera_of_built_in),
-    ];
-    for (i, (name, scene, camera)) in scenes.into_iter().enumerate() {
-        for (integrator, levels, bounces, sums) in [
-            (Integrator::Path, Levels::One, 8, SampleSums::Host),
-            (Integrator::Path, Levels::Two, 0, SampleSums::Device),
-            (Integrator::Hybrid, Levels::One, 0, SampleSums::Device),
-            (Integrator::Hybrid, Levels::Two, 2, SampleSums::Host),
-        ] {
-            let settings = Settings { sums, ..settings(integrator, bounces) };
-            let levels = if scene.has_motion() { Levels::Two } else { levels };
-            let bvh = scene_bvh(scene, levels);
-            let [streams, whole] =
-                [true, false].map(|streams| rendered(&gpu, (scene, camera), &bvh, &settings, streams, |traced| traced));
-            assert!(streams == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {sums:?}");
-            // One kernel ends the samples after two rounds, as in a frame. A driver takes seconds to compile it: once for a scene.
-            if sums == SampleSums::Host && (integrator == Integrator::Path) == i.is_multiple_of(2) {
-                let ended = ended_after(2, &gpu, (scene, camera), &bvh, &settings, 1 << 18);
-                assert!(ended == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, ended by one kernel");
-            }
-            // The comparison detects a picture without bounces.
-            if bounces > 0 {
-                let fewer = Settings { bounces: 0, ..settings };
-                let fewer = rendered(&gpu, (scene, camera), &bvh, &fewer, true, |traced| traced);
-                assert!(fewer != whole, "{name}, {integrator:?}");
-            }
+    compare_streams(Integrator::Hybrid, ("textures and alpha", &textured, &camera));
+    compare_streams(Integrator::Hybrid, ("motion", &moving, &camera_of_moving));
+}
+
+fn streams_of_large_scenes_have_the_bits_of_one_kernel() {
+    let (dollhouse, camera) = scenes::dollhouse();
+    let built_in = canted_scene::builtin();
+    compare_streams(Integrator::Path, ("single-sided materials", &dollhouse, &camera));
+    compare_streams(Integrator::Path, ("built-in", &built_in, &scenes::frame_of(&built_in)));
+}
+
+/// Compares all kinds of pictures of a scene. With one integrator, one kernel also ends the samples after two rounds, as in a frame: a driver takes seconds
+/// to compile it.
+fn compare_streams(ended: Integrator, (name, scene, camera): (&str, &Scene, &Camera)) {
+    let gpu = gpu();
+    for (integrator, levels, bounces, sums) in [
+        (Integrator::Path, Levels::One, 8, SampleSums::Host),
+        (Integrator::Path, Levels::Two, 0, SampleSums::Device),
+        (Integrator::Hybrid, Levels::One, 0, SampleSums::Device),
+        (Integrator::Hybrid, Levels::Two, 2, SampleSums::Host),
+    ] {
+        let settings = Settings { sums, ..settings(integrator, bounces) };
+        let levels = if scene.has_motion() { Levels::Two } else { levels };
+        let bvh = scene_bvh(scene, levels);
+        let [streams, whole] =
+            [true, false].map(|streams| rendered(&gpu, (scene, camera), &bvh, &settings, streams, |traced| traced));
+        assert!(streams == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, {sums:?}");
+        if sums == SampleSums::Host && integrator == ended {
+            let ended = ended_after(2, &gpu, (scene, camera), &bvh, &settings, 1 << 18);
+            assert!(ended == whole, "{name}, {integrator:?}, {levels:?}, {bounces} bounces, ended by one kernel");
+        }
+        // The comparison detects a picture without bounces.
+        if bounces > 0 {
+            let fewer = Settings { bounces: 0, ..settings };
+            let fewer = rendered(&gpu, (scene, camera), &bvh, &fewer, true, |traced| traced);
+            assert!(fewer != whole, "{name}, {integrator:?}");
         }
     }
 }
