@@ -89,7 +89,7 @@ impl<'a> SampleDispatcher<'a> {
     }
 
     /// Most cells of a call of [`Self::take`].
-    fn max_cells(&self) -> usize {
+    pub(super) fn max_cells(&self) -> usize {
         self.kernels.sums.as_ref().map_or(usize::MAX, |sums| sums.n_cells())
     }
 

@@ -219,7 +219,9 @@ impl DevicePicture<'_> {
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();
-            dispatcher.take(&cells, &(0..1), &self.bindings(), &|| false, |_, _, _, _| {})?;
+            for cells in cells.chunks(dispatcher.max_cells()) {
+                dispatcher.take(cells, &(0..1), &self.bindings(), &|| false, |_, _, _, _| {})?;
+            }
             if round > 0 {
                 least = least.min(start.elapsed());
             }

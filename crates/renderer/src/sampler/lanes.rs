@@ -249,7 +249,7 @@ pub(super) fn permuted<const N: usize>(indices: &[u32; N], n: u32, keys: &[u32; 
     images
 }
 
-/// A number in stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly.
+/// A number in stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly; beyond 2²⁹ strata it may be the next one.
 ///
 /// For more than 2²⁴ strata, some contain no such multiple; they use the next larger one.
 #[inline(always)]
@@ -274,7 +274,8 @@ pub(super) fn jittered<const N: usize>(strata: &[u32; N], n: u32, random: &[u32;
 /// The first multiple of 2⁻²⁴ that is not below `k/n`, in units of it.
 #[inline(always)]
 fn first_step(k: f64, n: f64) -> u32 {
-    // Below 2^29 strata the sum is exact, and its quotient is at least 1/n off the integer above it, more than its rounding.
+    // Below 2^29 strata the sum is exact, but for the last ones, which end at `STEPS`; its quotient is at least 1/n off the integer above it, more than
+    // its rounding.
     ((k * f64::from(STEPS) + (n - 1.0)) / n) as u32
 }
 
@@ -282,4 +283,36 @@ fn first_step(k: f64, n: f64) -> u32 {
 #[inline(always)]
 fn share(random: u32, whole: u32) -> u32 {
     ((u64::from(random) * u64::from(whole)) >> 32) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quotients_are_those_of_integers() {
+        let (mut n_wrong, mut count) = (0, 0);
+        for n in [1, 2, 3, 97, 65_537, (1 << 24) + 1, 100_000_000, (1 << 31) - 1, u32::MAX] {
+            for q in (0..=u32::MAX / n).step_by((u32::MAX / n / 1000).max(1) as usize) {
+                // Multiples and both neighbors, where a quotient that is rounded up shows.
+                for number in [q * n, (q * n).wrapping_sub(1), (q * n).wrapping_add(1)] {
+                    assert_eq!(divided(&[number], n), [[number / n], [number % n]], "{number} / {n}");
+                    n_wrong += usize::from((number as f32 / n as f32) as u32 != number / n);
+                    count += 1;
+                }
+            }
+        }
+        // In `f32` quotients are wrong.
+        assert!(n_wrong > count / 100, "{n_wrong} of {count}");
+    }
+
+    #[test]
+    fn steps_are_those_of_integers() {
+        for n in [1_u32, 3, 24, 97, (1 << 24) - 1, (1 << 24) + 1, 100_000_000, (1 << 28) + 1, (1 << 29) - 1] {
+            for k in (0..=n).step_by((n / 1000).max(1) as usize).chain([n - 1, n]) {
+                let want = (u64::from(k) << 24).div_ceil(u64::from(n));
+                assert_eq!(u64::from(first_step(f64::from(k), f64::from(n))), want, "{k} of {n}");
+            }
+        }
+    }
 }

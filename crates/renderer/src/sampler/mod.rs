@@ -33,7 +33,7 @@ impl Pattern {
 
 /// Random numbers as a pure function of (pixel, sample, dimension, seed).
 ///
-/// All arithmetic is on integers, so every device computes the same bits. Numbers are multiples of 2⁻²⁴ in `[0, 1)`,
+/// All arithmetic is on integers, or on `f64` with the same results, so every device computes the same bits. Numbers are multiples of 2⁻²⁴ in `[0, 1)`,
 /// exact in `f32`.
 ///
 /// The stratified pattern follows Kensler 2013, *Correlated Multi-Jittered Sampling*, with a different hash and
