@@ -358,7 +358,8 @@ fn parts_of_any_numbers_have_the_bits_of_the_host() {
         // Most samples are finite.
         let part = |group: u32, pixel: u32, k: u32| {
             let at = 21 * (64 * group + pixel);
-            [0, 1, 2].map(|c| number(if pixel % 5 == 0 { at + 3 * k + c } else { 7 * (at + 3 * k + c) + c }, n))
+            [0, 1, 2]
+                .map(|c| number(if pixel.is_multiple_of(5) { at + 3 * k + c } else { 7 * (at + 3 * k + c) + c }, n))
         };
         let parts_of = |group: u32, pixel: u32| [0, 1, 2].map(|k| part(group, pixel, k));
         let first_of = |group: u32, pixel: u32| [3, 4, 5, 6].map(|k| part(group, pixel, k));
