@@ -135,7 +135,7 @@ impl<P: LeafPrimitive> Task for VisitAlong<'_, P> {
 
     #[inline(always)]
     fn on<S: Simd>(mut self, simd: S) {
-        walk::<S, _, true>(
+        walk::<S, _, _, true>(
             simd,
             &self.bvh.nodes,
             &self.ray.numbers,

@@ -160,7 +160,7 @@ impl Task for Containment<'_> {
             let numbers = bvh.prepare(&ray).numbers;
             crossings.clear();
             let mut visit = Crossed { bvh, point, is_on_surface: false, crossings: &mut crossings };
-            walk::<S, _, false>(simd, &bvh.nodes, &numbers, ray.t_max, stack, &mut visit);
+            walk::<S, _, _, false>(simd, &bvh.nodes, &numbers, ray.t_max, stack, &mut visit);
             let is_on_surface = visit.is_on_surface;
             // A triangle with two references crosses once.
             crossings.sort_unstable();

@@ -10,7 +10,7 @@ use crate::bvh::WideBvh;
 use crate::leaf::Primitive;
 use crate::node::{LeafLayout, NodeKind, Nodes};
 use crate::simd::{Simd, Task};
-use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayNumbers, TracedRay, Visitor, walk};
+use crate::traverse::{LeafRange, MeshFrame, Pads, PreparedRays, RayNumbers, ThroughNodes, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -220,10 +220,10 @@ impl<V: FnMut(PrimId, f32) -> f32, const ORDERED: bool> Task for TraversePrepare
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, prepared, i, t_max, stack, visit } = self;
-        visit_leaves::<S, V, ORDERED>(
+        visit_leaves::<S, _, V, ORDERED>(
             simd,
             (&bvh.nodes, &bvh.leaves.order),
-            (&prepared.numbers(i), t_max),
+            (prepared.one(i), t_max),
             stack,
             visit,
         )
@@ -246,21 +246,21 @@ impl<V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool> Task for Traver
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, ray, error, stack, visit } = self;
         let numbers = RayNumbers::within(simd, ray, &bvh.frame, error);
-        visit_leaves::<S, V, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), stack, visit)
+        visit_leaves::<S, _, V, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), stack, visit)
     }
 }
 
 /// Calls `visit` with the ids of each leaf that a ray enters. Must be inlined, like all callers of [`Simd`].
 #[inline(always)]
-fn visit_leaves<S: Simd, V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool>(
+fn visit_leaves<S: Simd, R: ThroughNodes, V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool>(
     simd: S,
     (nodes, ids): (&Nodes, &[PrimId]),
-    (numbers, t_max): (&RayNumbers<f32>, f32),
+    (ray, t_max): (R, f32),
     stack: &mut [u64],
     visit: &mut V,
 ) -> Visits {
     let mut called = CalledForIds { ids, visit, visits: Visits::default() };
-    walk::<S, _, ORDERED>(simd, nodes, numbers, t_max, stack, &mut called);
+    walk::<S, _, _, ORDERED>(simd, nodes, ray, t_max, stack, &mut called);
     called.visits
 }
 

@@ -189,9 +189,9 @@ impl<P: Primitive, T: Test<P>> Task for Filtered<'_, P, T> {
         let mut leaves = Leaves { simd, shapes: &bvh.leaves, line, test };
         let t_max = ray.scaled.t_max;
         if T::ORDERED {
-            walk::<S, _, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
+            walk::<S, _, _, true>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         } else {
-            walk::<S, _, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
+            walk::<S, _, _, false>(simd, &bvh.nodes, &ray.numbers, t_max, stack, &mut leaves);
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind};
 use crate::simd::Simd;
-use crate::traverse::{Blocks, LeafRange, Pads, RayNumbers, RayTriangles, ThroughTriangles, TracedRay, Visitor, walk};
+use crate::traverse::{Blocks, LeafRange, Pads, RayNumbers, RayTriangles, ThroughNodes, ThroughTriangles, TracedRay, Visitor, walk};
 
 /// Pads for the default triangle test.
 pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
@@ -23,7 +23,7 @@ pub(super) fn pass_hits<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 ) {
     // Two values instead of one in memory: the kernels index the direction, and what is indexed stays in memory.
     let TracedRay { scaled, numbers } = *ray;
-    pass_prepared::<S, T, _, WATERTIGHT>(simd, bvh, (&scaled, &numbers, &scaled), stack, sink);
+    pass_prepared::<S, T, _, _, WATERTIGHT>(simd, bvh, &scaled, (&numbers, &scaled), stack, sink);
 }
 
 /// [`pass_hits`] of a ray that is prepared here, with the default triangle test.
@@ -36,24 +36,25 @@ pub(super) fn pass_plain<S: Simd, T: HitSink>(
     sink: &mut T,
 ) {
     let numbers = RayNumbers::relative(simd, ray, &bvh.frame, PADS);
-    pass_prepared::<S, T, _, true>(simd, bvh, (ray, &numbers, ray), stack, sink);
+    pass_prepared::<S, T, _, _, true>(simd, bvh, ray, (&numbers, ray), stack, sink);
 }
 
-/// [`pass_hits`] of a ray that is prepared for nodes; and for triangles in its first leaf, from `ray`.
+/// [`pass_hits`] of a ray that is prepared for nodes from `numbers`, and for triangles in its first leaf from `ray`.
 #[inline(always)]
-pub(super) fn pass_prepared<S: Simd, T: HitSink, R: ThroughTriangles, const WATERTIGHT: bool>(
+pub(super) fn pass_prepared<S: Simd, T: HitSink, N: ThroughNodes, R: ThroughTriangles, const WATERTIGHT: bool>(
     simd: S,
     bvh: &TriangleBvh,
-    (scaled, numbers, ray): (&ScaledRay, &RayNumbers<f32>, R),
+    scaled: &ScaledRay,
+    (numbers, ray): (N, R),
     stack: &mut [u64],
     sink: &mut T,
 ) {
     let (halves, prepared) = (&bvh.leaves.halves[..], &mut None);
     let mut leaves = TriangleLeaves::<S, T, R, WATERTIGHT> { simd, halves, scaled, ray, prepared, sink };
     if T::ORDERED {
-        walk::<S, _, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
+        walk::<S, _, _, true>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     } else {
-        walk::<S, _, false>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
+        walk::<S, _, _, false>(simd, &bvh.nodes, numbers, scaled.t_max, stack, &mut leaves);
     }
 }
 

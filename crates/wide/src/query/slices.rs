@@ -100,7 +100,7 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
     fn on<S: Simd>(self, simd: S) {
         let Self { bvh, rays, mut first, accept, answers, stack } = self;
         let mut eights = [EightRays::new(), EightRays::new()];
-        let mut plan = Plan::new(may_group(bvh, rays.len()));
+        let mut plan = Plan::new(may_group(bvh, rays.len())/*NG*/ && std::env::var_os("NOGROUP").is_none());
         let mut prepared = [None; GROUP];
         for (rays, answers) in rays.chunks(GROUP).zip(answers.chunks_mut(GROUP)) {
             let (low, high) = rays.split_at(rays.len().min(8));
@@ -120,31 +120,52 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
                 }
                 way = Way::Counted;
             }
-            let mut work = 0;
-            for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
-                *answer = A::NONE;
-                if !eights[i / 8].can_hit(i) {
-                    continue;
-                }
-                let (scaled, numbers) = eights[i / 8].parts(i, given);
-                let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
-                if let Way::Counted = way {
-                    let visits;
-                    (*answer, visits) = A::counted(bvh, &TracedRay { scaled, numbers }, &mut filter, stack);
-                    work += work_of(&visits);
-                    continue;
-                }
-                let mut sink = A::sink::<PLAIN>(&mut filter);
-                let ray = OneOfEight { rays: &eights[i / 8], i: i % 8 };
-                pass_prepared::<S, _, _, true>(simd, bvh, (&scaled, &numbers, ray), stack, &mut sink);
-                *answer = A::of(sink, &scaled);
-            }
             if let Way::Counted = way {
-                plan.has_counted(work);
+                plan.has_counted(counted(bvh, &eights, rays, first, accept, answers, stack));
+                first += GROUP;
+                continue;
             }
-            first += GROUP;
+            for ((eight, rays), answers) in eights.iter().zip(rays.chunks(8)).zip(answers.chunks_mut(8)) {
+                for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
+                    if !eight.can_hit(i) {
+                        *answer = A::NONE;
+                        continue;
+                    }
+                    let scaled = eight.scaled(i, given);
+                    let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
+                    let mut sink = A::sink::<PLAIN>(&mut filter);
+                    let ray = OneOfEight { rays: eight, i };
+                    pass_prepared::<S, _, _, _, true>(simd, bvh, &scaled, (ray, ray), stack, &mut sink);
+                    *answer = A::of(sink, &scaled);
+                }
+                first += rays.len();
+            }
         }
     }
+}
+
+/// Answers the rays of a group one by one. Returns their work.
+fn counted<A: SliceAnswer>(
+    bvh: &TriangleBvh,
+    eights: &[EightRays; 2],
+    rays: &[Ray],
+    first: usize,
+    accept: Option<&AcceptAt<'_>>,
+    answers: &mut [A],
+    stack: &mut [u64],
+) -> u32 {
+    let mut work = 0;
+    for (i, (given, answer)) in rays.iter().zip(answers).enumerate() {
+        let Some(ray) = eights[i / 8].ray(i % 8, given) else {
+            *answer = A::NONE;
+            continue;
+        };
+        let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
+        let visits;
+        (*answer, visits) = A::counted(bvh, &ray, &mut filter, stack);
+        work += work_of(&visits);
+    }
+    work
 }
 
 /// How the next rays of a slice walk.
@@ -281,7 +302,7 @@ impl Group<'_> {
             Accept(move |hit: &Hit| accept.is_none_or(|accept| accept(first + i, &rays[i], hit)))
         });
         let sinks = filters.each_mut().map(|filter| A::sink::<PLAIN>(filter));
-        let scaled: [ScaledRay; GROUP] = std::array::from_fn(|i| eights[i / 8].parts(i, &rays[i]).0);
+        let scaled: [ScaledRay; GROUP] = std::array::from_fn(|i| eights[i / 8].scaled(i, &rays[i]));
         let mut t_max = [[0.0; 8]; 2];
         for (i, ray) in scaled.iter().enumerate() {
             t_max[i / 8][i % 8] = ray.t_max;
@@ -411,11 +432,11 @@ impl Task for AllOfSlice<'_> {
                 Answers::Closest(_) | Answers::Occluded(_) => unreachable!("they have slices of their own"),
             };
             if eight.can_hit(lane) {
-                let (scaled, numbers) = eight.parts(lane, given);
+                let scaled = eight.scaled(lane, given);
                 let mut all = AllHits::new(&mut filter, hits);
                 all.may_reject = accept.is_some();
                 let ray = OneOfEight { rays: &eight, i: lane };
-                pass_prepared::<S, _, _, true>(simd, bvh, (&scaled, &numbers, ray), stack, &mut all);
+                pass_prepared::<S, _, _, _, true>(simd, bvh, &scaled, (ray, ray), stack, &mut all);
                 all.finish(&scaled);
             }
             if let Answers::Lists(lists) = &mut answers {

@@ -30,13 +30,13 @@ pub(crate) struct RayTriangles<S: Simd> {
 }
 
 impl<S: Simd> RayTriangles<S> {
-    /// Of a ray whose origin, direction and rows are permuted as [`Shear::axis`] says; the reciprocal is that of the direction's z.
+    /// Of a ray whose origin, direction and rows are permuted as [`Shear::axis`] says; with the direction's z and its reciprocal.
     #[inline(always)]
     pub(super) fn new(
         simd: S,
         (origin, direction, t_min): ([f32; 3], [f32; 3], f32),
         rows: [usize; 3],
-        ([s_x, s_y], recip_z): ([f32; 2], f32),
+        ([s_x, s_y], d_z, recip_z): ([f32; 2], f32, f32),
     ) -> Self {
         Self {
             origin: splat3(simd, origin),
@@ -44,7 +44,7 @@ impl<S: Simd> RayTriangles<S> {
             recip_z: simd.splat(recip_z),
             zero: simd.splat(0.0),
             t_min: simd.splat(t_min),
-            d_z: direction[2],
+            d_z,
             rows,
             direction: splat3(simd, direction),
         }
@@ -74,7 +74,8 @@ impl ThroughTriangles for &ScaledRay {
         let shear = Shear::new(self);
         let axis = shear.axis();
         let (origin, direction) = (axis.permute_by_index(self.origin), axis.permute_by_index(self.direction));
-        RayTriangles::new(simd, (origin, direction, self.t_min), axis.indices(), (shear.factors(), 1.0 / direction[2]))
+        let [.., d_z] = direction;
+        RayTriangles::new(simd, (origin, direction, self.t_min), axis.indices(), (shear.factors(), d_z, 1.0 / d_z))
     }
 }
 

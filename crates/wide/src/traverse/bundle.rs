@@ -9,7 +9,7 @@
 use canted_trace::{ScaledRay, TriangleHit};
 
 use super::block::{AlongZ, Block, Candidates, edges};
-use super::eight::EightRays;
+use super::eight::{EightRays, RayRows};
 use super::group::{GROUP, greatest_of, least_of};
 use crate::simd::Simd;
 
@@ -130,12 +130,12 @@ impl<S: Simd> Bundle<S> {
 impl<S: Simd> RaysInLanes<S> {
     #[inline(always)]
     fn new(simd: S, rays: &EightRays, [i, j, k]: [usize; 3]) -> Self {
-        let (origin, [s_x, s_y]) = (&rays.origin, &rays.shear);
+        let RayRows { origin, shear: [s_x, s_y], recip_z, t_min, .. } = &rays.lanes;
         Self {
             origin: [simd.load(&origin[i]), simd.load(&origin[j]), simd.load(&origin[k])],
             shear: [simd.load(s_x), simd.load(s_y)],
-            recip_z: simd.load(&rays.recip_z),
-            t_min: simd.load(&rays.numbers.t_min),
+            recip_z: simd.load(recip_z),
+            t_min: simd.load(t_min),
         }
     }
 }

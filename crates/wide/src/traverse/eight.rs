@@ -1,10 +1,10 @@
 use canted_trace::{Axis, Ray, ScaledRay, Shear};
 
 use super::block::{RayTriangles, ThroughTriangles};
-use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay, reciprocal_and_toward};
+use super::ray::{MeshFrame, RayLanes, ThroughNodes, Pads, RayNumbers, TracedRay, moved_by, near_row, reciprocal_and_toward};
 use crate::simd::{AvailablePath, Scalar, Simd, Task};
 
-/// Up to eight rays, prepared at once: each row holds one number of each.
+/// Up to eight rays, prepared at once.
 ///
 /// The arithmetic is that of [`ScaledRay::new`], `ReferencePoint::moved`, [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
 /// Products of directions with a power of two round as these do in `f64`: once, and only where they over- or underflow.
@@ -14,19 +14,74 @@ pub(crate) struct EightRays {
     /// Rays beyond the range of the lanes: those whose power of two, or its reciprocal, is not normal, and those whose interval over- or
     /// underflows, for its ends are rounded inward.
     beyond: u32,
-    to_scaled: [f64; 8],
-    t_max: [f32; 8],
-    /// Origins as they were given.
-    pub(super) origin: [[f32; 8]; 3],
-    /// Of the triangle test: shear factors and the reciprocal of the direction's greatest component, and two bits of the axis of that.
-    pub(super) shear: [[f32; 8]; 2],
-    pub(super) recip_z: [f32; 8],
-    axis: [u32; 2],
-    /// Origins along the rows of the mesh frame, of rays within the range of the lanes.
-    pub(super) along: [[f32; 8]; 3],
     /// Whether all are rays that can hit, within the range of the lanes.
     are_all: bool,
-    pub(super) numbers: RayNumbers<[f32; 8]>,
+    to_scaled: [f64; 8],
+    t_max: [f32; 8],
+    /// Two bits of the axis of each direction's greatest component.
+    axis: [u32; 2],
+    /// Bits of rays with negative directions along the axes of the mesh frame.
+    negative: [u32; 3],
+    /// Each ray by itself.
+    one: [OneRay; 8],
+    /// Rays within the range of the lanes.
+    pub(super) lanes: RayRows,
+}
+
+/// Numbers of eight rays: each row holds one number of each.
+pub(super) struct RayRows {
+    /// Of [`RayNumbers`].
+    pub(super) recip: [[f32; 8]; 3],
+    pub(super) near: [[f32; 8]; 3],
+    pub(super) far: [[f32; 8]; 3],
+    pub(super) t_min: [f32; 8],
+    /// Origins relative to the reference point, and these along the rows of the mesh frame.
+    pub(super) moved: [[f32; 8]; 3],
+    pub(super) along: [[f32; 8]; 3],
+    /// Origins as they were given.
+    pub(super) origin: [[f32; 8]; 3],
+    /// Of the triangle test: shear factors and the reciprocal of the direction's greatest component.
+    pub(super) shear: [[f32; 8]; 2],
+    pub(super) recip_z: [f32; 8],
+}
+
+/// One ray in three rows, which are columns of vectors of eight rays.
+///
+/// A ray that is read number by number from [`RayRows`] is collected by gathers on AVX-512, which take as long as three nodes.
+#[derive(Clone, Copy)]
+struct OneRay {
+    /// Reciprocals of the direction in the mesh frame, its near planes' products, the start of the interval, the reciprocal of the direction's greatest
+    /// component.
+    near: [f32; 8],
+    /// The far planes' products, the origin relative to the reference point, the pad of oriented boxes, the direction's greatest
+    /// component.
+    far: [f32; 8],
+    /// The direction, the origin as it was given, permuted as [`Axis::permute`] does, shear factors.
+    line: [f32; 8],
+}
+
+/// The axes of the greatest components of eight vectors: the absolute components, and the greater of the last two.
+#[derive(Clone, Copy)]
+struct AlongAxes<S: Simd> {
+    x: S::F,
+    y: S::F,
+    z: S::F,
+    other: S::F,
+}
+
+impl<S: Simd> AlongAxes<S> {
+    /// Components permuted as [`Axis::permute`] does.
+    #[inline(always)]
+    fn permute(self, simd: S, [x, y, z]: [S::F; 3]) -> [S::F; 3] {
+        [self.choose(simd, [y, z, x]), self.choose(simd, [z, x, y]), self.choose(simd, [x, y, z])]
+    }
+
+    /// Of each lane the number for the axis of its greatest component.
+    #[inline(always)]
+    fn choose(self, simd: S, [for_x, for_y, for_z]: [S::F; 3]) -> S::F {
+        let Self { x, y, z, other } = self;
+        simd.pick(x, other, simd.pick(y, z, for_z, for_y), for_x)
+    }
 }
 
 /// The least power of two whose reciprocal is not normal, 2^127.
@@ -36,28 +91,19 @@ impl EightRays {
     /// No rays.
     pub(crate) const fn new() -> Self {
         let (zero, zeros) = ([0.0; 8], [[0.0; 8]; 3]);
-        let numbers = RayNumbers {
+        let lanes = RayRows {
             recip: zeros,
             near: zeros,
             far: zeros,
             t_min: zero,
-            origin: zeros,
-            direction: zeros,
-            pad_oriented: zero,
-        };
-        Self {
-            valid: 0,
-            beyond: 0,
-            to_scaled: [0.0; 8],
-            t_max: zero,
+            moved: zeros,
+            along: zeros,
             origin: zeros,
             shear: [zero; 2],
             recip_z: zero,
-            axis: [0; 2],
-            along: zeros,
-            are_all: false,
-            numbers,
-        }
+        };
+        let one = OneRay { near: zero, far: zero, line: zero };
+        Self { valid: 0, beyond: 0, are_all: false, to_scaled: [0.0; 8], t_max: zero, axis: [0; 2], negative: [0; 3], one: [one; 8], lanes }
     }
 
     /// Prepares the first eight of `rays`, in the memory of earlier ones: copies would take as long as a node.
@@ -133,56 +179,64 @@ impl EightRays {
         let power = simd.power_of_two(greatest);
         let from_scaled = simd.div(one, power);
         let direction = [simd.mul(dx, from_scaled), simd.mul(dy, from_scaled), simd.mul(dz, from_scaled)];
-        self.set_shear(simd, direction);
+        let along = self.set_axis(simd, direction);
+        let ([d_i, d_j, d_k], [o_i, o_j, o_k]) = (along.permute(simd, direction), along.permute(simd, [ox, oy, oz]));
+        let (shear, recip_z) = ([simd.div(d_i, d_k), simd.div(d_j, d_k)], simd.div(one, d_k));
         let finite_t_max = simd.min(t_max, largest);
         // An end that overflows is rounded inward, to the greatest number.
         let (scaled_t_min, scaled_t_max) = (simd.mul(t_min, power), simd.min(simd.mul(finite_t_max, power), largest));
         let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
         let beyond = valid & !(normal & exact(simd, t_min, scaled_t_min) & exact(simd, finite_t_max, scaled_t_max));
 
-        let given = [simd.store(ox), simd.store(oy), simd.store(oz)];
         let [cx, cy, cz] = frame.reference.point();
-        let (ox, oy, oz) = (simd.sub(ox, simd.splat(cx)), simd.sub(oy, simd.splat(cy)), simd.sub(oz, simd.splat(cz)));
-        let scale = max3(simd, simd.abs(ox), simd.abs(oy), simd.abs(oz));
-        let origin_rows = [simd.store(ox), simd.store(oy), simd.store(oz)];
-        let direction_rows = [simd.store(direction[0]), simd.store(direction[1]), simd.store(direction[2])];
+        let moved = [simd.sub(ox, simd.splat(cx)), simd.sub(oy, simd.splat(cy)), simd.sub(oz, simd.splat(cz))];
+        let scale = max3(simd, simd.abs(moved[0]), simd.abs(moved[1]), simd.abs(moved[2]));
+        let lanes = &mut self.lanes;
+        lanes.moved = store3(simd, moved);
         let (o, d, toward) = if frame.is_identity {
-            ([ox, oy, oz], direction, pad(simd, pads.aligned, scale))
+            (moved, direction, pad(simd, pads.aligned, scale))
         } else {
-            let (o, d) = (rotate(frame, &origin_rows), rotate(frame, &direction_rows));
+            let (o, d) = (rotate(frame, &lanes.moved), rotate(frame, &store3(simd, direction)));
             (load3(simd, &o), load3(simd, &d), pad(simd, pads.rotated, scale))
         };
-        self.along = [simd.store(o[0]), simd.store(o[1]), simd.store(o[2])];
-        let numbers = &mut self.numbers;
+        lanes.along = store3(simd, o);
+        let (mut recip, mut near, mut far) = (o, o, o);
         for k in 0..3 {
             let (r, toward) = reciprocal_and_toward(simd, d[k], toward);
-            numbers.recip[k] = simd.store(r);
-            numbers.near[k] = simd.store(simd.mul(simd.add(o[k], toward), r));
-            numbers.far[k] = simd.store(simd.mul(simd.sub(o[k], toward), r));
+            [near[k], far[k]] = moved_by(simd, o[k], toward, r);
+            recip[k] = r;
+            self.negative[k] = simd.lt(r, zero);
         }
-        numbers.t_min = simd.store(scaled_t_min);
-        numbers.origin = origin_rows;
-        numbers.direction = direction_rows;
-        numbers.pad_oriented = simd.store(pad(simd, pads.oriented, scale));
+        lanes.recip = store3(simd, recip);
+        lanes.near = store3(simd, near);
+        lanes.far = store3(simd, far);
+        lanes.t_min = simd.store(scaled_t_min);
+        lanes.origin = store3(simd, [ox, oy, oz]);
+        lanes.shear = [simd.store(shear[0]), simd.store(shear[1])];
+        lanes.recip_z = simd.store(recip_z);
         for (to_scaled, power) in self.to_scaled.iter_mut().zip(simd.store(power)) {
             *to_scaled = f64::from(power);
         }
-        self.origin = given;
+        let pad_oriented = pad(simd, pads.oriented, scale);
+        let ([r_x, r_y, r_z], [n_x, n_y, n_z], [f_x, f_y, f_z]) = (recip, near, far);
+        let ([m_x, m_y, m_z], [d_x, d_y, d_z], [s_x, s_y]) = (moved, direction, shear);
+        let near = simd.transpose([r_x, r_y, r_z, n_x, n_y, n_z, scaled_t_min, recip_z]);
+        let far = simd.transpose([f_x, f_y, f_z, m_x, m_y, m_z, pad_oriented, d_k]);
+        let line = simd.transpose([d_x, d_y, d_z, o_i, o_j, o_k, s_x, s_y]);
+        for (i, one) in self.one.iter_mut().enumerate() {
+            *one = OneRay { near: simd.store(near[i]), far: simd.store(far[i]), line: simd.store(line[i]) };
+        }
         (self.valid, self.beyond, self.t_max) = (valid, beyond, simd.store(scaled_t_max));
     }
 
-    /// What [`Shear::new`] computes: the greatest component by the same comparisons, the same quotients.
+    /// The axes of the greatest components, by the comparisons of [`Shear::new`].
     #[inline(always)]
-    fn set_shear<S: Simd>(&mut self, simd: S, [x, y, z]: [S::F; 3]) {
-        let (size_x, size_y, size_z) = (simd.abs(x), simd.abs(y), simd.abs(z));
-        let other = simd.max(size_y, size_z);
+    fn set_axis<S: Simd>(&mut self, simd: S, [x, y, z]: [S::F; 3]) -> AlongAxes<S> {
+        let (x, y, z) = (simd.abs(x), simd.abs(y), simd.abs(z));
+        let other = simd.max(y, z);
         // The axis is x, or y unless its bit is set, too.
-        self.axis = [simd.lt(size_x, other), simd.lt(size_y, size_z)];
-        let greatest = simd.pick(size_x, other, simd.pick(size_y, size_z, z, y), x);
-        let first = simd.pick(size_x, other, simd.pick(size_y, size_z, x, z), y);
-        let second = simd.pick(size_x, other, simd.pick(size_y, size_z, y, x), z);
-        self.shear = [simd.store(simd.div(first, greatest)), simd.store(simd.div(second, greatest))];
-        self.recip_z = simd.store(simd.div(simd.splat(1.0), greatest));
+        self.axis = [simd.lt(x, other), simd.lt(y, z)];
+        AlongAxes { x, y, z, other }
     }
 
     /// The axis of the greatest component of all eight directions, if it is one.
@@ -204,26 +258,25 @@ impl EightRays {
     }
 
     /// Overwrites ray `i`.
-    fn set(&mut self, i: usize, ray: &ScaledRay, of: &RayNumbers<f32>) {
-        let numbers = &mut self.numbers;
-        for k in 0..3 {
-            numbers.recip[k][i] = of.recip[k];
-            numbers.near[k][i] = of.near[k];
-            numbers.far[k][i] = of.far[k];
-            numbers.origin[k][i] = of.origin[k];
-            self.origin[k][i] = ray.origin[k];
-            numbers.direction[k][i] = of.direction[k];
-        }
-        numbers.t_min[i] = ray.t_min;
-        numbers.pad_oriented[i] = of.pad_oriented;
+    fn set(&mut self, i: usize, ray: &ScaledRay, of: &RayNumbers) {
         let shear = Shear::new(ray);
         let axis = shear.axis();
-        [self.shear[0][i], self.shear[1][i]] = shear.factors();
-        self.recip_z[i] = 1.0 / ray.direction[axis.index()];
+        let ([r_x, r_y, r_z], [n_x, n_y, n_z], [f_x, f_y, f_z]) = (of.recip, of.near, of.far);
+        let ([m_x, m_y, m_z], [d_x, d_y, d_z]) = (of.origin, of.direction);
+        let ([o_i, o_j, o_k], [s_x, s_y]) = (axis.permute(ray.origin), shear.factors());
+        let along = ray.direction[axis.index()];
+        self.one[i] = OneRay {
+            near: [r_x, r_y, r_z, n_x, n_y, n_z, ray.t_min, 1.0 / along],
+            far: [f_x, f_y, f_z, m_x, m_y, m_z, of.pad_oriented, along],
+            line: [d_x, d_y, d_z, o_i, o_j, o_k, s_x, s_y],
+        };
+        self.t_max[i] = ray.t_max;
+        for (bits, row) in self.negative.iter_mut().zip(of.near_row) {
+            *bits = *bits & !(1 << i) | u32::from(row != 0) << i;
+        }
         for (bits, is_set) in self.axis.iter_mut().zip([axis != Axis::X, axis == Axis::Z]) {
             *bits = *bits & !(1 << i) | u32::from(is_set) << i;
         }
-        self.t_max[i] = ray.t_max;
         self.to_scaled[i] = ray.scale();
     }
 
@@ -239,16 +292,14 @@ impl EightRays {
         self.valid >> (i & 7) & 1 == 1
     }
 
-    /// Ray `i`, one of the first eight, which is `given` and can hit. Two values, so that neither has to be in memory.
+    /// Ray `i`, one of the first eight, which is `given` and can hit.
     #[inline(always)]
-    pub(crate) fn parts(&self, i: usize, given: &Ray) -> (ScaledRay, RayNumbers<f32>) {
+    pub(crate) fn scaled(&self, i: usize, given: &Ray) -> ScaledRay {
         let i = i & 7;
-        let numbers = self.numbers(i);
-        let [x, y, z] = &self.origin;
-        let (origin, direction) = ([x[i], y[i], z[i]], numbers.direction);
-        let scaled = Ray { origin, direction, t_min: numbers.t_min, t_max: self.t_max[i], ..*given };
+        let &OneRay { near: [.., t_min, _], line: [d_x, d_y, d_z, ..], .. } = &self.one[i];
+        let scaled = Ray { direction: [d_x, d_y, d_z], t_min, t_max: self.t_max[i], ..*given };
         let interval = [given.t_min, given.t_max.min(f32::MAX)];
-        (ScaledRay::from_parts(&scaled, interval, self.to_scaled[i]), numbers)
+        ScaledRay::from_parts(&scaled, interval, self.to_scaled[i])
     }
 
     /// Ray `i`, one of the first eight, which is `given`; `None` where it cannot hit.
@@ -257,23 +308,25 @@ impl EightRays {
         if !self.can_hit(i) {
             return None;
         }
-        let (scaled, numbers) = self.parts(i, given);
-        Some(TracedRay { scaled, numbers })
+        Some(TracedRay { scaled: self.scaled(i, given), numbers: self.numbers(i) })
     }
 
     /// What nodes need of ray `i`, one of the first eight.
     #[inline(always)]
-    fn numbers(&self, i: usize) -> RayNumbers<f32> {
-        let i = i & 7;
-        let RayNumbers { recip, near, far, t_min, origin, direction, pad_oriented } = &self.numbers;
+    fn numbers(&self, i: usize) -> RayNumbers {
+        let (OneRay { near, far, line }, [x, y, z]) = (&self.one[i & 7], self.negative);
+        let &[r_x, r_y, r_z, n_x, n_y, n_z, t_min, _] = near;
+        let &[f_x, f_y, f_z, m_x, m_y, m_z, pad_oriented, _] = far;
+        let &[d_x, d_y, d_z, ..] = line;
         RayNumbers {
-            recip: [recip[0][i], recip[1][i], recip[2][i]],
-            near: [near[0][i], near[1][i], near[2][i]],
-            far: [far[0][i], far[1][i], far[2][i]],
-            t_min: t_min[i],
-            origin: [origin[0][i], origin[1][i], origin[2][i]],
-            direction: [direction[0][i], direction[1][i], direction[2][i]],
-            pad_oriented: pad_oriented[i],
+            recip: [r_x, r_y, r_z],
+            near: [n_x, n_y, n_z],
+            far: [f_x, f_y, f_z],
+            near_row: [near_row(x, i & 7), near_row(y, i & 7), near_row(z, i & 7)],
+            t_min,
+            origin: [m_x, m_y, m_z],
+            direction: [d_x, d_y, d_z],
+            pad_oriented,
         }
     }
 }
@@ -285,17 +338,22 @@ pub(crate) struct OneOfEight<'a> {
     pub(crate) i: usize,
 }
 
+impl ThroughNodes for OneOfEight<'_> {
+    #[inline(always)]
+    fn lanes<S: Simd>(self, simd: S) -> RayLanes<S> {
+        (&self.rays.numbers(self.i)).lanes(simd)
+    }
+}
+
 impl ThroughTriangles for OneOfEight<'_> {
     #[inline(always)]
     fn prepare<S: Simd>(self, simd: S) -> RayTriangles<S> {
         let (of, i) = (self.rays, self.i & 7);
-        let rows = of.axis(i).indices();
-        let [j, k, l] = rows;
-        let (origin, RayNumbers { direction, t_min, .. }) = (&of.origin, &of.numbers);
-        let (origin, direction) =
-            ([origin[j][i], origin[k][i], origin[l][i]], [direction[j][i], direction[k][i], direction[l][i]]);
-        let shear = ([of.shear[0][i], of.shear[1][i]], of.recip_z[i]);
-        RayTriangles::new(simd, (origin, direction, t_min[i]), rows, shear)
+        let axis = of.axis(i);
+        let &OneRay { near: [.., t_min, recip_z], far: [.., along], line } = &of.one[i];
+        let [d_x, d_y, d_z, o_i, o_j, o_k, s_x, s_y] = line;
+        let (origin, direction) = ([o_i, o_j, o_k], axis.permute_by_index([d_x, d_y, d_z]));
+        RayTriangles::new(simd, (origin, direction, t_min), axis.indices(), ([s_x, s_y], along, recip_z))
     }
 }
 
@@ -343,20 +401,16 @@ impl PreparedRays {
     #[inline(always)]
     #[must_use]
     pub fn parts(&self, i: usize, given: &Ray) -> (ScaledRay, f32) {
-        let i = i & 7;
-        let EightRays { to_scaled, t_max, numbers, .. } = &self.0;
-        let direction = [numbers.direction[0][i], numbers.direction[1][i], numbers.direction[2][i]];
-        let t_max = t_max[i];
-        let scaled = Ray { direction, t_min: numbers.t_min[i], t_max, ..*given };
-        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], to_scaled[i]);
+        let scaled = self.0.scaled(i, given);
         // The ends are exact, but for one that overflowed.
-        (scaled, if t_max == f32::MAX { f32::INFINITY } else { t_max })
+        let t_max = if scaled.t_max == f32::MAX { f32::INFINITY } else { scaled.t_max };
+        (scaled, t_max)
     }
 
-    /// What nodes need of ray `i`.
+    /// Ray `i`, for nodes.
     #[inline(always)]
-    pub(crate) fn numbers(&self, i: usize) -> RayNumbers<f32> {
-        self.0.numbers(i)
+    pub(crate) fn one(&self, i: usize) -> OneOfEight<'_> {
+        OneOfEight { rays: &self.0, i }
     }
 }
 
@@ -431,6 +485,11 @@ fn rotate(frame: &MeshFrame, [x, y, z]: &[[f32; 8]; 3]) -> [[f32; 8]; 3] {
 #[inline(always)]
 fn load3<S: Simd>(simd: S, [x, y, z]: &[[f32; 8]; 3]) -> [S::F; 3] {
     [simd.load(x), simd.load(y), simd.load(z)]
+}
+
+#[inline(always)]
+fn store3<S: Simd>(simd: S, [x, y, z]: [S::F; 3]) -> [[f32; 8]; 3] {
+    [simd.store(x), simd.store(y), simd.store(z)]
 }
 
 #[inline(always)]

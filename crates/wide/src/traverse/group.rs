@@ -49,7 +49,7 @@ impl<'a, S: Simd> RayGroup<'a, S> {
         }
         let mut reach = simd.splat(0.0);
         for k in 0..3 {
-            let (o_a, o_b) = (simd.load(&a.numbers.origin[k]), simd.load(&b.numbers.origin[k]));
+            let (o_a, o_b) = (simd.load(&a.lanes.moved[k]), simd.load(&b.lanes.moved[k]));
             reach = simd.max(reach, simd.max(simd.abs(o_a), simd.abs(o_b)));
         }
         let pads = pads.along([greatest_of(&simd.store(reach)); 3]);
@@ -57,8 +57,8 @@ impl<'a, S: Simd> RayGroup<'a, S> {
         let (mut recip_near, mut recip_far) = ([0.0; 3], [0.0; 3]);
         let (mut near, mut far, mut flipped) = ([0.0; 3], [0.0; 3], [false; 3]);
         for k in 0..3 {
-            let (r_a, r_b) = (simd.load(&a.numbers.recip[k]), simd.load(&b.numbers.recip[k]));
-            let (o_a, o_b) = (simd.load(&a.along[k]), simd.load(&b.along[k]));
+            let (r_a, r_b) = (simd.load(&a.lanes.recip[k]), simd.load(&b.lanes.recip[k]));
+            let (o_a, o_b) = (simd.load(&a.lanes.along[k]), simd.load(&b.lanes.along[k]));
             let r = [least_of(&simd.store(simd.min(r_a, r_b))), greatest_of(&simd.store(simd.max(r_a, r_b)))];
             let o =
                 [least_of(&simd.store(simd.min(o_a, o_b))) - pad, greatest_of(&simd.store(simd.max(o_a, o_b))) + pad];
@@ -70,7 +70,7 @@ impl<'a, S: Simd> RayGroup<'a, S> {
             (recip_near[k], recip_far[k]) = (r_near, r_far);
             (near[k], far[k]) = (o_near * r_near, o_far * r_far);
         }
-        let t_min = simd.min(simd.load(&a.numbers.t_min), simd.load(&b.numbers.t_min));
+        let t_min = simd.min(simd.load(&a.lanes.t_min), simd.load(&b.lanes.t_min));
         Some(Self {
             eights,
             recip_near: splat3(simd, recip_near),
@@ -205,12 +205,12 @@ impl<'a, S: Simd> RayGroup<'a, S> {
 
 #[inline(always)]
 fn enter_eight<S: Simd>(simd: S, rays: &EightRays, planes: &[[S::F; 2]; 3], t_max: &[f32; 8]) -> u32 {
-    let of = &rays.numbers;
+    let of = &rays.lanes;
     let (mut near, mut far) = (simd.load(&of.t_min), simd.load(t_max));
     for (k, &[near_plane, far_plane]) in planes.iter().enumerate() {
         let recip = simd.load(&of.recip[k]);
-        near = simd.max(simd.mul_sub(near_plane, recip, simd.load(&of.near[k])), near);
-        far = simd.min(simd.mul_sub(far_plane, recip, simd.load(&of.far[k])), far);
+        near = simd.max(simd.mul_add(near_plane, recip, simd.load(&of.near[k])), near);
+        far = simd.min(simd.mul_add(far_plane, recip, simd.load(&of.far[k])), far);
     }
     simd.le(near, far)
 }

@@ -83,7 +83,7 @@ pub(crate) use eight::{EightRays, OneOfEight, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
 pub(crate) use group::{BLOCK, ENTRY, GROUP, GroupLeaves, OVERHEAD, RayGroup};
 pub(crate) use hulls::numbers;
-pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
+pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, ThroughNodes, TracedRay};
 pub(crate) use reach::{RayLine, Reached, VisitLane};
 pub(crate) use walk::LeafRange;
 pub(crate) use walk::{Visitor, walk};

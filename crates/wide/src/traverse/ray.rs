@@ -111,23 +111,25 @@ fn along([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> f32 {
     (f64::from(a) * f64::from(x) + f64::from(b) * f64::from(y) + f64::from(c) * f64::from(z)) as f32
 }
 
-/// What node tests need of a ray, as one number each or as a row for eight rays.
+/// What node tests need of a ray.
 #[derive(Clone, Copy)]
-pub(crate) struct RayNumbers<N> {
+pub(crate) struct RayNumbers {
     /// Reciprocals of the direction in the mesh frame.
-    pub(crate) recip: [N; 3],
-    /// `o⁺·r` (`o⁻·r` for negative directions): subtracted from the near planes' products.
-    pub(crate) near: [N; 3],
+    pub(crate) recip: [f32; 3],
+    /// `-o⁺·r` (`-o⁻·r` for negative directions): added to the near planes' products.
+    pub(crate) near: [f32; 3],
     /// The same for far planes.
-    pub(crate) far: [N; 3],
-    pub(crate) t_min: N,
+    pub(crate) far: [f32; 3],
+    /// Where the near planes of an axis are: [`ROW`] for the upper ones, 0 for the lower.
+    pub(crate) near_row: [usize; 3],
+    pub(crate) t_min: f32,
     /// Origin, relative to the reference point, and direction in object space.
-    pub(crate) origin: [N; 3],
-    pub(crate) direction: [N; 3],
-    pub(crate) pad_oriented: N,
+    pub(crate) origin: [f32; 3],
+    pub(crate) direction: [f32; 3],
+    pub(crate) pad_oriented: f32,
 }
 
-impl RayNumbers<f32> {
+impl RayNumbers {
     /// The numbers of `ray` from `moved`, its origin relative to the reference point, thickened by `pads` in units of the space. Axes are
     /// lanes.
     ///
@@ -144,11 +146,13 @@ impl RayNumbers<f32> {
         };
         let (o, d) = (axes(simd, origin), axes(simd, direction));
         let (recip, toward) = reciprocal_and_toward(simd, d, simd.splat(pad));
-        let (near, far) = (simd.mul(simd.add(o, toward), recip), simd.mul(simd.sub(o, toward), recip));
+        let [near, far] = moved_by(simd, o, toward, recip);
+        let negative = simd.lt(recip, simd.splat(0.0));
+        let near_row = [near_row(negative, 0), near_row(negative, 1), near_row(negative, 2)];
         let (recip, near, far) = (of_axes(simd, recip), of_axes(simd, near), of_axes(simd, far));
         let Pads { oriented: pad_oriented, .. } = *pads;
         let &ScaledRay { direction, t_min, .. } = ray;
-        Self { recip, near, far, t_min, origin: moved, direction, pad_oriented }
+        Self { recip, near, far, near_row, t_min, origin: moved, direction, pad_oriented }
     }
 
     /// The numbers of a ray with its part of these relative pads.
@@ -175,6 +179,22 @@ pub(super) fn reciprocal_and_toward<S: Simd>(simd: S, d: S::F, pad: S::F) -> (S:
     (simd.xor_sign(simd.div(simd.splat(1.0), size), d), simd.xor_sign(pad, d))
 }
 
+/// What is added to the products of near and of far planes. Negative, so that nothing is negated for each node.
+#[inline(always)]
+pub(super) fn moved_by<S: Simd>(simd: S, o: S::F, toward: S::F, recip: S::F) -> [S::F; 2] {
+    let back = simd.xor_sign(recip, simd.splat(-1.0));
+    [simd.mul(simd.add(o, toward), back), simd.mul(simd.sub(o, toward), back)]
+}
+
+/// A row of eight numbers in units of eight bytes, by which processors multiply an index without an instruction.
+pub(super) const ROW: usize = 4;
+
+/// Where near planes are, from the bits of negative directions: [`ROW`] if bit `i` is set, else 0.
+#[inline(always)]
+pub(super) fn near_row(negative: u32, i: usize) -> usize {
+    ((negative * ROW as u32) >> i) as usize & ROW
+}
+
 /// A vector in the first three lanes; ones in the others.
 #[inline(always)]
 fn axes<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> S::F {
@@ -193,7 +213,6 @@ pub(crate) struct RayLanes<S: Simd> {
     pub(crate) recip: [S::F; 3],
     pub(crate) near: [S::F; 3],
     pub(crate) far: [S::F; 3],
-    /// Which plane of an axis is the near one: 0 for the lower, 1 for the upper.
     pub(crate) near_row: [usize; 3],
     pub(crate) t_min: S::F,
     pub(crate) origin: [S::F; 3],
@@ -203,38 +222,39 @@ pub(crate) struct RayLanes<S: Simd> {
     pub(crate) one: S::F,
 }
 
-impl<S: Simd> RayLanes<S> {
-    /// The lanes of `ray` with its part of the pads, in units of the space.
+/// A ray that can be prepared for nodes, with its part of the pads.
+///
+/// Where the walk begins and not before: numbers that are read from memory early are kept in registers, which the walk needs, or taken apart from
+/// vectors.
+pub(crate) trait ThroughNodes: Copy {
+    /// The ray, prepared.
+    fn lanes<S: Simd>(self, simd: S) -> RayLanes<S>;
+}
+
+impl ThroughNodes for &RayNumbers {
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &RayNumbers<f32>) -> Self {
-        let [x, y, z] = ray.recip;
-        Self {
-            recip: splat3(simd, ray.recip),
-            near: splat3(simd, ray.near),
-            far: splat3(simd, ray.far),
-            near_row: [is_negative(x), is_negative(y), is_negative(z)],
+    fn lanes<S: Simd>(self, simd: S) -> RayLanes<S> {
+        RayLanes {
+            recip: splat3(simd, self.recip),
+            near: splat3(simd, self.near),
+            far: splat3(simd, self.far),
+            near_row: self.near_row,
             // Adding zero makes -0.0 positive: entries are ordered by their bits.
-            t_min: simd.splat(ray.t_min + 0.0),
-            origin: splat3(simd, ray.origin),
-            direction: splat3(simd, ray.direction),
-            pad_oriented: simd.splat(ray.pad_oriented),
+            t_min: simd.splat(self.t_min + 0.0),
+            origin: splat3(simd, self.origin),
+            direction: splat3(simd, self.direction),
+            pad_oriented: simd.splat(self.pad_oriented),
             min_direction: simd.splat(MIN_DIRECTION),
             one: simd.splat(1.0),
         }
     }
 }
 
-/// 1 for a negative number, by its sign.
-#[inline(always)]
-fn is_negative(x: f32) -> usize {
-    (x.to_bits() >> 31) as usize
-}
-
 /// A ray as traversal needs it: for leaves and for nodes.
 #[derive(Clone, Copy)]
 pub(crate) struct TracedRay {
     pub(crate) scaled: ScaledRay,
-    pub(crate) numbers: RayNumbers<f32>,
+    pub(crate) numbers: RayNumbers,
 }
 
 impl TracedRay {

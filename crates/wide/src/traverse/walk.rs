@@ -1,4 +1,5 @@
-use super::{RayLanes, RayNumbers};
+use super::ray::ROW;
+use super::{RayLanes, ThroughNodes};
 use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, Row, rows};
 use crate::simd::Simd;
 
@@ -35,19 +36,19 @@ pub(crate) trait Visitor {
 /// BVH. `stack` has room for at least [`Nodes::stack_len`] subtrees that wait. Each is an integer: in its upper half the `t` at which the ray enters
 /// the subtree, in its lower half the child word. So the order of these integers is the order along the ray.
 #[inline(always)]
-pub(crate) fn walk<S: Simd, V: Visitor, const ORDERED: bool>(
+pub(crate) fn walk<S: Simd, R: ThroughNodes, V: Visitor, const ORDERED: bool>(
     simd: S,
     nodes: &Nodes,
-    ray: &RayNumbers<f32>,
+    ray: R,
     t_max: f32,
     stack: &mut [u64],
     visitor: &mut V,
 ) {
     // Two loops: what oriented nodes need of the ray would push what aligned ones need out of registers.
     if V::TWO_LOOPS && !nodes.has_oriented {
-        walk_nodes::<S, ORDERED, false>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
+        walk_nodes::<S, ORDERED, false>(simd, nodes, &ray.lanes(simd), t_max, stack, visitor);
     } else {
-        walk_nodes::<S, ORDERED, true>(simd, nodes, &RayLanes::new(simd, ray), t_max, stack, visitor);
+        walk_nodes::<S, ORDERED, true>(simd, nodes, &ray.lanes(simd), t_max, stack, visitor);
     }
 }
 
@@ -190,21 +191,25 @@ pub(crate) fn words(row: &Row) -> &[ChildWord; 8] {
 /// Aligned node: rows lo x, hi x, lo y, hi y, lo z, hi z.
 #[inline(always)]
 pub(crate) fn enter_aligned<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], t_max: S::F) -> Entries<S> {
-    let near_x = plane(simd, ray, rows, 0, ray.near_row[0], ray.near[0]);
-    let near_y = plane(simd, ray, rows, 1, ray.near_row[1], ray.near[1]);
-    let near_z = plane(simd, ray, rows, 2, ray.near_row[2], ray.near[2]);
-    let far_x = plane(simd, ray, rows, 0, 1 - ray.near_row[0], ray.far[0]);
-    let far_y = plane(simd, ray, rows, 1, 1 - ray.near_row[1], ray.far[1]);
-    let far_z = plane(simd, ray, rows, 2, 1 - ray.near_row[2], ray.far[2]);
+    let [x, y, z] = ray.near_row;
+    let near_x = plane(simd, ray, rows, 0, x, ray.near[0]);
+    let near_y = plane(simd, ray, rows, 1, y, ray.near[1]);
+    let near_z = plane(simd, ray, rows, 2, z, ray.near[2]);
+    let far_x = plane(simd, ray, rows, 0, ROW - x, ray.far[0]);
+    let far_y = plane(simd, ray, rows, 1, ROW - y, ray.far[1]);
+    let far_z = plane(simd, ray, rows, 2, ROW - z, ray.far[2]);
     let near = simd.max(simd.max(near_x, near_y), simd.max(near_z, ray.t_min));
     let far = simd.min(simd.min(far_x, far_y), simd.min(far_z, t_max));
     Entries { near, mask: simd.le(near, far) }
 }
 
-/// Where the ray crosses the lower (0) or upper (1) planes of an axis.
+/// Where the ray crosses the lower (0) or upper ([`ROW`]) planes of an axis.
 #[inline(always)]
 fn plane<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], k: usize, row: usize, moved: S::F) -> S::F {
-    simd.mul_sub(simd.load(&rows[2 * k + (row & 1)]), ray.recip[k], moved)
+    let pairs: &[[f32; 2]; 8 * ROW] = bytemuck::cast_ref(rows);
+    let first = 2 * ROW * k + (row & ROW);
+    let row: &[[f32; 2]; ROW] = pairs[first..first + ROW].try_into().expect("the length is that of the range");
+    simd.mul_add(simd.load(bytemuck::cast_ref(row)), ray.recip[k], moved)
 }
 
 /// Oriented node: for each axis three components of the rows, the centers, the half-extents.
