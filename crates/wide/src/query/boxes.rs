@@ -220,13 +220,7 @@ impl<V: FnMut(PrimId, f32) -> f32, const ORDERED: bool> Task for TraversePrepare
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, prepared, i, t_max, stack, visit } = self;
-        visit_leaves::<S, _, V, ORDERED>(
-            simd,
-            (&bvh.nodes, &bvh.leaves.order),
-            (prepared.one(i), t_max),
-            stack,
-            visit,
-        )
+        visit_leaves::<S, _, V, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (prepared.one(i), t_max), stack, visit)
     }
 }
 

@@ -7,7 +7,10 @@ use crate::bvh::TriangleBvh;
 use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind};
 use crate::simd::Simd;
-use crate::traverse::{Blocks, LeafRange, Pads, RayNumbers, RayTriangles, ThroughNodes, ThroughTriangles, TracedRay, Visitor, walk};
+use crate::traverse::{
+    Blocks, LeafRange, Pads, RayNumbers, RayTriangles, ThroughNodes, ThroughTriangles, TracedRay, Visitor,
+    prefetch_block, walk,
+};
 
 /// Pads for the default triangle test.
 pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
@@ -115,6 +118,11 @@ impl<S: Simd, T: HitSink, R: ThroughTriangles, const WATERTIGHT: bool> Visitor
             }
         }
         t_max
+    }
+
+    #[inline(always)]
+    fn prefetch(&self, first: u32) {
+        prefetch_block(self.simd, self.halves, first);
     }
 
     #[inline(always)]

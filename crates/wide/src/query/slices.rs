@@ -100,7 +100,7 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
     fn on<S: Simd>(self, simd: S) {
         let Self { bvh, rays, mut first, accept, answers, stack } = self;
         let mut eights = [EightRays::new(), EightRays::new()];
-        let mut plan = Plan::new(may_group(bvh, rays.len())/*NG*/ && std::env::var_os("NOGROUP").is_none());
+        let mut plan = Plan::new(may_group(bvh, rays.len()));
         let mut prepared = [None; GROUP];
         for (rays, answers) in rays.chunks(GROUP).zip(answers.chunks_mut(GROUP)) {
             let (low, high) = rays.split_at(rays.len().min(8));

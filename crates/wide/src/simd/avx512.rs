@@ -66,6 +66,10 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn prefetch<T>(self, memory: &T) {
+        self.0.prefetch(memory);
+    }
+    #[inline(always)]
     fn four(self) -> Avx2 {
         self.0
     }

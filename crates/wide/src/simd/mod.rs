@@ -98,4 +98,6 @@ pub(crate) trait Simd: Copy {
     fn lt(self, a: Self::F, b: Self::F) -> u32;
     /// Mask of `a <= b`.
     fn le(self, a: Self::F, b: Self::F) -> u32;
+    /// Brings the line of the cache that holds this memory nearer, where the path has an instruction for it.
+    fn prefetch<T>(self, memory: &T);
 }

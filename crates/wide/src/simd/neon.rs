@@ -159,6 +159,8 @@ impl Simd for Neon {
         self.mask(low, high)
     }
     #[inline(always)]
+    fn prefetch<T>(self, _: &T) {}
+    #[inline(always)]
     fn le(self, a: float32x4x2_t, b: float32x4x2_t) -> u32 {
         // SAFETY: the token proves NEON.
         let (low, high) = unsafe { (vcleq_f32(a.0, b.0), vcleq_f32(a.1, b.1)) };

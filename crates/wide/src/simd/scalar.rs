@@ -80,6 +80,8 @@ impl Simd for Scalar {
         mask(a, b, |a, b| a < b)
     }
     #[inline(always)]
+    fn prefetch<T>(self, _: &T) {}
+    #[inline(always)]
     fn le(self, a: [f32; 8], b: [f32; 8]) -> u32 {
         mask(a, b, |a, b| a <= b)
     }

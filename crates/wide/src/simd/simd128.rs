@@ -118,6 +118,8 @@ impl Simd for Simd128 {
         u32::from(i32x4_bitmask(f32x4_lt(a.0, b.0)) | i32x4_bitmask(f32x4_lt(a.1, b.1)) << 4)
     }
     #[inline(always)]
+    fn prefetch<T>(self, _: &T) {}
+    #[inline(always)]
     fn le(self, a: Lanes, b: Lanes) -> u32 {
         u32::from(i32x4_bitmask(f32x4_le(a.0, b.0)) | i32x4_bitmask(f32x4_le(a.1, b.1)) << 4)
     }

@@ -161,6 +161,19 @@ impl<'a> Iterator for Blocks<'a> {
     }
 }
 
+/// Prefetches the first block of a leaf: two half-blocks, which are five lines of the cache.
+#[inline(always)]
+pub(crate) fn prefetch_block<S: Simd>(simd: S, halves: &[HalfBlock], first: u32) {
+    const WORDS_OF_A_LINE: usize = 16;
+    if let Some([HalfBlock(a), HalfBlock(b), ..]) = halves.get(first as usize / PARTS..) {
+        simd.prefetch(&a[0]);
+        simd.prefetch(&a[WORDS_OF_A_LINE]);
+        simd.prefetch(&a[2 * WORDS_OF_A_LINE]);
+        simd.prefetch(&b[3 * WORDS_OF_A_LINE - HALF_BLOCK_WORDS]);
+        simd.prefetch(&b[4 * WORDS_OF_A_LINE - HALF_BLOCK_WORDS]);
+    }
+}
+
 impl<'a> Block<'a> {
     /// The block from half-block `first` that holds at most `n` triangles.
     #[inline(always)]

@@ -1,7 +1,9 @@
 use canted_trace::{Axis, Ray, ScaledRay, Shear};
 
 use super::block::{RayTriangles, ThroughTriangles};
-use super::ray::{MeshFrame, RayLanes, ThroughNodes, Pads, RayNumbers, TracedRay, moved_by, near_row, reciprocal_and_toward};
+use super::ray::{
+    MeshFrame, Pads, RayLanes, RayNumbers, ThroughNodes, TracedRay, moved_by, near_row, reciprocal_and_toward,
+};
 use crate::simd::{AvailablePath, Scalar, Simd, Task};
 
 /// Up to eight rays, prepared at once.
@@ -103,7 +105,17 @@ impl EightRays {
             recip_z: zero,
         };
         let one = OneRay { near: zero, far: zero, line: zero };
-        Self { valid: 0, beyond: 0, are_all: false, to_scaled: [0.0; 8], t_max: zero, axis: [0; 2], negative: [0; 3], one: [one; 8], lanes }
+        Self {
+            valid: 0,
+            beyond: 0,
+            are_all: false,
+            to_scaled: [0.0; 8],
+            t_max: zero,
+            axis: [0; 2],
+            negative: [0; 3],
+            one: [one; 8],
+            lanes,
+        }
     }
 
     /// Prepares the first eight of `rays`, in the memory of earlier ones: copies would take as long as a node.

@@ -77,7 +77,7 @@ mod reach;
 mod walk;
 
 pub(crate) use balls::numbers_of_ball;
-pub(crate) use block::{Block, Blocks, RayTriangles, SHRINK, ThroughTriangles};
+pub(crate) use block::{Block, Blocks, RayTriangles, SHRINK, ThroughTriangles, prefetch_block};
 pub(crate) use bundle::Bundle;
 pub(crate) use eight::{EightRays, OneOfEight, for_each_of_eight};
 pub use eight::{Prepared, PreparedRays};
