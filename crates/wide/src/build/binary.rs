@@ -15,7 +15,7 @@ use canted_sah::{Axes, Builder, GroupConfig, Groups, Split, TopDownConfig};
 
 use crate::build::collapse::{ALIGNED, Areas, BOTH, Plan, Table, positive, tables};
 use crate::build::frames::mesh_frame::{self, MeshFrameConfig};
-use crate::build::frames::{self, BoxAreas, Fits, FrameConfig};
+use crate::build::frames::{BoxAreas, Fits};
 use crate::build::item::{self, Item, Items};
 use crate::build::subtrees;
 use crate::build::subtrees::{Aligned, LeafContents};
@@ -87,8 +87,7 @@ impl<'a, I: Item> Chosen<'a, I> {
     fn fit(&mut self, config: &Config, scale: f32) {
         let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
         let sorted = self.sorted(0..self.primitives().len());
-        let fitted = || frames::fit(&self.tree, &I::fitted(&sorted, scale), self.rows, &areas, &FrameConfig::default());
-        let fits = stage("frames of nodes", fitted);
+        let fits = stage("frames of nodes", || I::fits(&sorted, scale, &self.tree, self.rows, &areas));
         let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
         let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
         let tables = stage("plan", || tables(&self.tree, self.members(), inner, leaf, &config.costs));

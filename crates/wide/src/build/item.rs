@@ -1,11 +1,11 @@
 //! Primitives in the form that builds and refits use: boxes along any frame, and what frames are fitted to, all relative to the
 //! reference point of the BVH.
 
-use canted_lbvh::{Corners, Leaf};
+use canted_lbvh::{Corners, Leaf, Tree};
 use canted_obb::{Aabb, Obb, eigen};
 use canted_trace::{ReferencePoint, Slabs};
 
-use crate::build::frames::{Fitted, ScaledShape, ScaledTriangle};
+use crate::build::frames::{self, BoxAreas, Fits, FrameConfig, ScaledBalls, ScaledShape, ScaledTriangle};
 use crate::leaf::{Bounded, Placed, extents_within};
 use crate::par;
 
@@ -14,9 +14,6 @@ const CHUNK: usize = 1 << 13;
 
 /// The vertices of a triangle, or a primitive of the caller.
 pub(crate) trait Item: Copy + Send + Sync {
-    /// Scaled, as frames are fitted to it.
-    type Fitted: Fitted;
-
     /// Relative to this point of object space; the item is not moved yet.
     fn moved(self, reference: ReferencePoint) -> Self;
 
@@ -32,8 +29,8 @@ pub(crate) trait Item: Copy + Send + Sync {
     /// Surface area; of other primitives than triangles, of a box around it.
     fn area(&self) -> f64;
 
-    /// All items, multiplied by `scale`.
-    fn fitted(items: &[Self], scale: f32) -> Vec<Self::Fitted>;
+    /// Frames for a tree over these items, which are in leaf order and multiplied by `scale`, as [`frames::fit`] finds them.
+    fn fits(items: &[Self], scale: f32, tree: &Tree, mesh_frame: [[f32; 3]; 3], boxes: &BoxAreas) -> Fits;
 }
 
 /// Items by number.
@@ -92,8 +89,6 @@ pub(crate) fn moved<I: Item>(items: &[I], reference: ReferencePoint) -> Option<V
 }
 
 impl Item for Corners {
-    type Fitted = ScaledTriangle;
-
     #[inline]
     fn moved(self, reference: ReferencePoint) -> Self {
         self.map(|vertex| reference.moved(vertex))
@@ -122,14 +117,12 @@ impl Item for Corners {
         0.5 * normal.iter().map(|x| x * x).sum::<f64>().sqrt()
     }
 
-    fn fitted(items: &[Self], scale: f32) -> Vec<ScaledTriangle> {
-        ScaledTriangle::all(items, scale)
+    fn fits(items: &[Self], scale: f32, tree: &Tree, mesh_frame: [[f32; 3]; 3], boxes: &BoxAreas) -> Fits {
+        frames::fit(tree, &ScaledTriangle::all(items, scale), mesh_frame, boxes, &FrameConfig::default())
     }
 }
 
-impl<'a> Item for Placed<'a> {
-    type Fitted = ScaledShape<'a>;
-
+impl Item for Placed<'_> {
     fn moved(self, reference: ReferencePoint) -> Self {
         Self { reference, ..self }
     }
@@ -156,8 +149,13 @@ impl<'a> Item for Placed<'a> {
         x * y + y * z + z * x
     }
 
-    fn fitted(items: &[Self], scale: f32) -> Vec<ScaledShape<'a>> {
-        items.iter().map(|&placed| ScaledShape { placed, scale }).collect()
+    fn fits(items: &[Self], scale: f32, tree: &Tree, mesh_frame: [[f32; 3]; 3], boxes: &BoxAreas) -> Fits {
+        let config = FrameConfig::default();
+        if let Some(balls) = ScaledBalls::all(items, scale) {
+            return frames::fit(tree, &balls, mesh_frame, boxes, &config);
+        }
+        let shapes: Vec<_> = items.iter().map(|&placed| ScaledShape { placed, scale }).collect();
+        frames::fit(tree, &shapes, mesh_frame, boxes, &config)
     }
 }
 

@@ -32,6 +32,10 @@ impl Primitive for RibbonSegment {
     const MAX_LEAF: usize = 8;
     const COST: f32 = 6.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(segment_around);
+    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = match RoundSegment::FIT_BALLS {
+        Some(_) => Some(|ribbon| RoundSegment::FIT_BALLS.expect("tubes have them")(&segment_around(ribbon))),
+        None => None,
+    };
 
     fn bounds(&self) -> Aabb {
         if !self.next.iter().all(|x| x.is_finite()) {
@@ -76,6 +80,10 @@ impl Primitive for RibbonCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
+    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = match RoundCubic::FIT_BALLS {
+        Some(_) => Some(|ribbon| RoundCubic::FIT_BALLS.expect("tubes have them")(&cubic_around(ribbon))),
+        None => None,
+    };
 
     fn bounds(&self) -> Aabb {
         if !self.next.iter().all(|x| x.is_finite()) {

@@ -18,6 +18,7 @@ impl Primitive for Sphere {
     // Four filters of eight in a row take less than the nodes that they save.
     const MAX_LEAF: usize = 32;
     const BALL: Option<fn(&Self) -> Sphere> = Some(|sphere| *sphere);
+    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(|sphere| [sphere.to_data(); 4]);
     const IS_HULL: bool = true;
 
     fn bounds(&self) -> Aabb {
@@ -59,6 +60,10 @@ impl Primitive for RoundSegment {
     const MAX_LEAF: usize = 8;
     const COST: f32 = 4.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(|segment| *segment);
+    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(|segment| {
+        let [a, b] = segment.to_data();
+        [a, b, a, b]
+    });
     const IS_HULL: bool = true;
 
     fn bounds(&self) -> Aabb {
@@ -113,6 +118,12 @@ impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
+    // Ends, and the inner control balls of the halves that are next to the middle: as high as a curve whose bulge is a parabola.
+    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(|curve| {
+        let [a, b, c, d] = curve.to_data();
+        let inner = |a: [f32; 4], b: [f32; 4], c: [f32; 4]| [0, 1, 2, 3].map(|k| 0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k]);
+        [a, inner(a, b, c), inner(b, c, d), d]
+    });
 
     fn bounds(&self) -> Aabb {
         if !self.points.as_flattened().iter().chain(&self.radii).all(|x| x.is_finite()) {

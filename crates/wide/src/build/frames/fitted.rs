@@ -1,5 +1,5 @@
-//! What frames are fitted to: triangles in leaf order, scaled and near the origin, in four lanes each, and primitives of the caller with
-//! extents and principal axes as they report them.
+//! What frames are fitted to: triangles, and balls of primitives of the caller that have them, in leaf order, scaled and near the origin, in four lanes each;
+//! other primitives with extents and principal axes as they report them.
 
 use canted_lbvh::Corners;
 use canted_obb::{Moments, eigen};
@@ -150,6 +150,74 @@ impl Edges {
     #[inline]
     fn frame_along(&self, edge: usize) -> Option<[Vec3A; 3]> {
         frame(self.edges[edge], self.normal)
+    }
+}
+
+/// The balls of a primitive, [`Primitive::FIT_BALLS`](crate::Primitive::FIT_BALLS).
+pub(crate) struct ScaledBalls {
+    centers: [Vec4; 3],
+    radii: Vec4,
+}
+
+impl ScaledBalls {
+    /// Scales the balls of all items and moves the first center to the origin; `None` where items have none.
+    pub(crate) fn all(items: &[Placed], scale: f32) -> Option<Vec<Self>> {
+        let origin = items.first()?.reference.moved(center(items[0].primitive.fit_balls()?[0])).map(|x| x * scale);
+        let of = |item: &Placed| {
+            let balls = item.primitive.fit_balls().expect("all primitives are of one type");
+            let centers = balls.map(|ball| item.reference.moved(center(ball)));
+            let row = |k: usize| Vec4::from_array(centers.map(|center| center[k] * scale - origin[k]));
+            Self { centers: [row(0), row(1), row(2)], radii: Vec4::from_array(balls.map(|ball| ball[3] * scale)) }
+        };
+        Some(par::map(items, CHUNK, of))
+    }
+}
+
+fn center([x, y, z, _]: [f32; 4]) -> [f32; 3] {
+    [x, y, z]
+}
+
+impl Fitted for ScaledBalls {
+    /// Of the centers.
+    fn moments(&self) -> Moments {
+        let [x, y, z] = self.centers.map(|row| row.to_array().map(f64::from));
+        let mean = [x, y, z].map(|row| 0.25 * ((row[0] + row[1]) + (row[2] + row[3])));
+        let [x, y, z] = [0, 1, 2].map(|k| [x, y, z][k].map(|at| at - mean[k]));
+        let sum = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
+        let scatter = [sum(&x, &x), sum(&x, &y), sum(&x, &z), sum(&y, &y), sum(&y, &z), sum(&z, &z)];
+        Moments { weight: 4.0, mean, scatter }
+    }
+
+    fn own_frame(&self, _: f32) -> Option<[Vec3A; 3]> {
+        let rows = to_glam(self.moments().axes(eigen::COARSE));
+        rows.iter().all(|row| row.is_finite()).then_some(rows)
+    }
+
+    fn other_frames(&self) -> impl Iterator<Item = [Vec3A; 3]> {
+        std::iter::empty()
+    }
+
+    /// Relative to a center, as of triangles.
+    #[inline]
+    fn extents<const N: usize>(all: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N] {
+        let Some(first) = all.first() else { return [0.0; N] };
+        let origin = first.centers.map(|row| Vec4::splat(row.x));
+        let rows = rows.map(|row| [Vec4::splat(row.x), Vec4::splat(row.y), Vec4::splat(row.z)]);
+        let (mut low, mut high) = ([Vec4::MAX; N], [Vec4::MIN; N]);
+        let mut grow = |balls: &Self| {
+            let [x, y, z] = [0, 1, 2].map(|k| balls.centers[k] - origin[k]);
+            for k in 0..N {
+                let along = x * rows[k][0] + y * rows[k][1] + z * rows[k][2];
+                low[k] = low[k].min(along - balls.radii);
+                high[k] = high[k].max(along + balls.radii);
+            }
+        };
+        if stride == 1 {
+            all.iter().for_each(&mut grow);
+        } else {
+            all.iter().step_by(stride).for_each(&mut grow);
+        }
+        std::array::from_fn(|k| high[k].max_element() - low[k].min_element())
     }
 }
 

@@ -16,7 +16,7 @@ use canted_lbvh::{ChildKind, NodeId, Task, Tree};
 
 use crate::par;
 use fitted::half_area;
-pub(crate) use fitted::{Fitted, ScaledShape, ScaledTriangle};
+pub(crate) use fitted::{Fitted, ScaledBalls, ScaledShape, ScaledTriangle};
 use inner::Below;
 use vector::from_glam;
 
