@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Obb, eigen};
 use canted_trace::{ReferencePoint, Slabs};
 
 use crate::build::frames::{self, BoxAreas, Fits, FrameConfig, ScaledBalls, ScaledShape, ScaledTriangle};
-use crate::leaf::{Bounded, Placed, extents_within};
+use crate::leaf::{Placed, extents_within};
 use crate::par;
 
 /// Items of one job.
@@ -128,7 +128,7 @@ impl Item for Placed<'_> {
     }
 
     fn aabb(&self) -> Aabb {
-        self.reference.moved_box(&self.primitive.bounds())
+        self.reference.moved_box(&self.bounds)
     }
 
     fn slabs(items: &[Self], rows: [[f32; 3]; 3]) -> Slabs {
@@ -138,14 +138,14 @@ impl Item for Placed<'_> {
 
     /// The two longest edges of the box along its principal axes.
     fn edges(&self) -> [[f64; 3]; 2] {
-        let (rows, extents) = principal_box(self.primitive);
+        let (rows, extents) = principal_box(self);
         let mut order = [0, 1, 2];
         order.sort_by(|&a: &usize, &b: &usize| extents[b].total_cmp(&extents[a]));
         [order[0], order[1]].map(|k| rows[k].map(|x| f64::from(x) * extents[k]))
     }
 
     fn area(&self) -> f64 {
-        let [x, y, z] = principal_box(self.primitive).1;
+        let [x, y, z] = principal_box(self).1;
         x * y + y * z + z * x
     }
 
@@ -160,16 +160,16 @@ impl Item for Placed<'_> {
 }
 
 /// The principal axes of a primitive, and its extents along them.
-fn principal_box(primitive: &dyn Bounded) -> ([[f32; 3]; 3], [f64; 3]) {
-    let moments = primitive.moments();
+fn principal_box(placed: &Placed) -> ([[f32; 3]; 3], [f64; 3]) {
+    let moments = placed.primitive.moments();
     let [_, xy, xz, _, yz, _] = moments.scatter;
     if [xy, xz, yz] == [0.0; 3] {
-        let Aabb { min, max } = primitive.bounds();
+        let Aabb { min, max } = placed.bounds;
         let extent = |k: usize| (f64::from(max[k]) - f64::from(min[k])).max(0.0);
         return (Obb::IDENTITY_FRAME, std::array::from_fn(extent));
     }
     let axes = moments.axes(eigen::COARSE);
     let rows = if axes.as_flattened().iter().all(|x| x.is_finite()) { axes } else { Obb::IDENTITY_FRAME };
-    let [lo, hi] = extents_within(&rows, &[Placed::given(primitive)]);
+    let [lo, hi] = extents_within(&rows, &[placed.moved(ReferencePoint::ORIGIN)]);
     (rows, std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0)))
 }

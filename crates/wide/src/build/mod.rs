@@ -202,13 +202,13 @@ impl<P: Primitive> WideBvh<P> {
         if primitives.len() > limits.n_parts {
             return Err(PrimitiveError::TooMany { n_primitives: primitives.len() });
         }
-        let bounds = bounds_of(&primitives)?;
+        let boxes = boxes_of(&primitives)?;
         let Costs { max_leaf, leaf, block, .. } = config.costs;
         let leaf = if P::BALL.is_some() { BALLS_LEAF * leaf } else { leaf };
         let costs = Costs { max_leaf: max_leaf.min(P::MAX_LEAF), leaf, block: block * P::COST, ..config.costs };
         let config = Config { costs, ..*config }.usable();
         let reference = reference_of(&primitives);
-        let built = over_primitives(&primitives, (reference, bounds), P::ERROR, &config, limits)?;
+        let built = over_primitives(&primitives, &boxes, reference, P::ERROR, &config, limits)?;
         Ok(built
             .with(|order| {
                 let mut leaves = Shapes::new(order, primitives);
@@ -252,16 +252,28 @@ impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
     }
 }
 
-/// The box around all primitives.
+/// The bounds of each primitive.
 ///
 /// # Errors
 /// The first whose bounds are empty or not finite.
-pub(crate) fn bounds_of(primitives: &dyn Primitives) -> Result<Aabb, PrimitiveError> {
+fn boxes_of(primitives: &dyn Primitives) -> Result<Vec<Aabb>, PrimitiveError> {
     let boxes = par::from_fn(primitives.n(), CHUNK, |i| primitives.at(i).bounds());
     match (0..).map(PrimId).zip(&boxes).find(|(_, aabb)| !is_valid(aabb)) {
         Some((primitive, _)) => Err(PrimitiveError::Bounds { primitive }),
-        None => Ok(boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))),
+        None => Ok(boxes),
     }
+}
+
+/// The box around all primitives.
+///
+/// # Errors
+/// As [`boxes_of`].
+pub(crate) fn bounds_of(primitives: &dyn Primitives) -> Result<Aabb, PrimitiveError> {
+    Ok(around(&boxes_of(primitives)?))
+}
+
+fn around(boxes: &[Aabb]) -> Aabb {
+    boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))
 }
 
 /// Whether a primitive may have these bounds.
@@ -284,16 +296,17 @@ pub(crate) fn reference_of_triangles(n: usize, corners: impl Fn(usize) -> Corner
     ReferencePoint::near(n, |i| Aabb::from_points(corners(i)))
 }
 
-/// Builds over primitives of any type; leaves are their numbers. `error` is that of hits.
+/// Builds over primitives of any type with these bounds; leaves are their numbers. `error` is that of hits.
 fn over_primitives(
     primitives: &dyn Primitives,
-    (reference, bounds): (ReferencePoint, Aabb),
+    boxes: &[Aabb],
+    reference: ReferencePoint,
     error: f32,
     config: &Config,
     limits: &Limits,
 ) -> Result<Built<Vec<PrimId>>, PrimitiveError> {
-    let n_primitives = primitives.n();
-    let place = |i: usize| Placed { primitive: primitives.at(i), reference };
+    let (n_primitives, bounds) = (primitives.n(), around(boxes));
+    let place = |i: usize| Placed { primitive: primitives.at(i), bounds: boxes[i], reference };
     let items = Items::Made(n_primitives, &place);
     let mut chosen = binary::choose(items, &reference.moved_box(&bounds), config);
     let tables = std::mem::take(&mut chosen.aligned_tables);

@@ -33,18 +33,39 @@ pub fn extent_of_points(points: impl IntoIterator<Item = [f32; 3]>, radius: f32,
 /// As [`extent_of_points`], over balls of different radii (center and radius) and their convex hull. Centers may be off by
 /// three roundings of f64, which the error covers four times over.
 #[inline]
-pub(super) fn extent_of_balls(balls: &[[f64; 4]], direction: [f32; 3]) -> [f32; 2] {
-    let d = direction.map(f64::from);
-    let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+pub(super) fn extent_of_balls<const N: usize>(balls: &[[f64; 4]; N], direction: [f32; 3]) -> [f32; 2] {
+    let Projected { at, reach, size } = Projected::of(balls, direction);
     let (mut lo, mut hi) = (f64::MAX, f64::MIN);
-    for [x, y, z, radius] in balls {
-        let (terms, reach) = ([d[0] * x, d[1] * y, d[2] * z], radius * length);
-        let at = terms[0] + terms[1] + terms[2];
-        let error = 4.0 * EXTENT_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs() + reach);
-        lo = lo.min(at - reach - error);
-        hi = hi.max(at + reach + error);
+    for i in 0..N {
+        let error = 4.0 * EXTENT_ERROR * size[i];
+        lo = lo.min(at[i] - reach[i] - error);
+        hi = hi.max(at[i] + reach[i] + error);
     }
     [down(lo), up(hi)]
+}
+
+/// Balls along a direction, in arrays, which compilers put into lanes.
+struct Projected<const N: usize> {
+    at: [f64; N],
+    reach: [f64; N],
+    /// Sums of absolute terms, the reach too.
+    size: [f64; N],
+}
+
+impl<const N: usize> Projected<N> {
+    #[inline]
+    fn of(balls: &[[f64; 4]; N], direction: [f32; 3]) -> Self {
+        let d = direction.map(f64::from);
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let mut projected = Self { at: [0.0; N], reach: [0.0; N], size: [0.0; N] };
+        for (i, [x, y, z, radius]) in balls.iter().enumerate() {
+            let (terms, reach) = ([d[0] * x, d[1] * y, d[2] * z], radius * length);
+            projected.at[i] = terms[0] + terms[1] + terms[2];
+            projected.reach[i] = reach;
+            projected.size[i] = terms[0].abs() + terms[1].abs() + terms[2].abs() + reach;
+        }
+        projected
+    }
 }
 
 /// As [`extent_of_points`], over the balls of a cubic curve, given its control balls (center and radius): of the four quarters of the curve, whose
@@ -52,29 +73,22 @@ pub(super) fn extent_of_balls(balls: &[[f64; 4]], direction: [f32; 3]) -> [f32; 
 ///
 /// Six means follow one another, each with a rounding: the error covers them, too.
 pub(super) fn extent_of_cubic(balls: &[[f32; 4]; 4], direction: [f32; 3]) -> [f32; 2] {
-    let d = direction.map(f64::from);
-    let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-    let (mut lows, mut highs, mut size) = ([0.0; 4], [0.0; 4], 0.0_f64);
-    for i in 0..4 {
-        let [x, y, z, radius] = balls[i];
-        let (terms, reach) =
-            ([d[0] * f64::from(x), d[1] * f64::from(y), d[2] * f64::from(z)], f64::from(radius) * length);
-        let at = terms[0] + terms[1] + terms[2];
-        (lows[i], highs[i]) = (reach - at, at + reach);
-        size = size.max(terms[0].abs() + terms[1].abs() + terms[2].abs() + reach);
-    }
-    let error = 4.0 * EXTENT_ERROR * size;
-    [down(-greatest_of_quarters(lows) - error), up(greatest_of_quarters(highs) + error)]
+    let Projected { at, reach, size } = Projected::of(&balls.map(|ball| ball.map(f64::from)), direction);
+    let ends = [0, 1, 2, 3].map(|i| [reach[i] - at[i], at[i] + reach[i]]);
+    let error = 4.0 * EXTENT_ERROR * size.into_iter().fold(0.0, f64::max);
+    let [low, high] = greatest_of_quarters(ends);
+    [down(-low - error), up(high + error)]
 }
 
-/// The greatest control value of the quarters of a cubic polynomial with these.
+/// The greatest control values of the quarters of two cubic polynomials with these.
 #[inline]
-fn greatest_of_quarters(whole: [f64; 4]) -> f64 {
+fn greatest_of_quarters(whole: [[f64; 2]; 4]) -> [f64; 2] {
     // As one instruction, without a rule for NaN.
-    let greater = |a: f64, b: f64| if a > b { a } else { b };
-    let mid = |a: f64, b: f64| 0.5 * (a + b);
+    let either = |a: f64, b: f64| if a > b { a } else { b };
+    let greater = |a: [f64; 2], b: [f64; 2]| [either(a[0], b[0]), either(a[1], b[1])];
+    let mid = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
     // What is new in the halves.
-    let inner = |[a, b, c, d]: [f64; 4]| {
+    let inner = |[a, b, c, d]: [[f64; 2]; 4]| {
         let (ab, bc, cd) = (mid(a, b), mid(b, c), mid(c, d));
         let (abc, bcd) = (mid(ab, bc), mid(bc, cd));
         [ab, abc, mid(abc, bcd), bcd, cd]

@@ -16,7 +16,7 @@ use canted_trace::{Hit, InstanceId, Side};
 pub(crate) use closed::Closed;
 pub use extents::{bounds_of_points, extent_of_box, extent_of_points};
 pub use moving::{Moves, Moving};
-pub(crate) use primitive::{Bounded, Placed, Primitives, Shapes, extents_within, is_filtered};
+pub(crate) use primitive::{Placed, Primitives, Shapes, extents_within, is_filtered};
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 pub use triangles::Triangle;
 pub(crate) use triangles::{Blocks, StoredTriangles, each_near, unused_lanes_are_zero};

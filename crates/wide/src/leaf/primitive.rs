@@ -244,13 +244,15 @@ impl<P: Primitive> Primitives for Vec<P> {
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<'a> {
     pub(crate) primitive: &'a dyn Bounded,
+    /// Its own, which are not moved: kept, since every box around it needs them.
+    pub(crate) bounds: Aabb,
     pub(crate) reference: ReferencePoint,
 }
 
 impl<'a> Placed<'a> {
     /// In object space itself.
     pub(crate) fn given(primitive: &'a dyn Bounded) -> Self {
-        Self { primitive, reference: ReferencePoint::ORIGIN }
+        Self { primitive, bounds: primitive.bounds(), reference: ReferencePoint::ORIGIN }
     }
 }
 
@@ -262,8 +264,8 @@ impl<'a> Placed<'a> {
 /// reference point, bounds are rounded to nearest ([`ReferencePoint::ROUNDING`](canted_trace::ReferencePoint::ROUNDING)), own intervals outward.
 pub(crate) fn extents_within(rows: &[[f32; 3]; 3], primitives: &[Placed]) -> [[f32; 3]; 2] {
     let (mut lo, mut hi, mut extents) = ([f32::MAX; 3], [f32::MIN; 3], [[0.0; 2]; 3]);
-    for &Placed { primitive, reference } in primitives {
-        let bounds = reference.moved_box(&primitive.bounds());
+    for &Placed { primitive, bounds, reference } in primitives {
+        let bounds = reference.moved_box(&bounds);
         primitive.extents_along(rows, &mut extents);
         for k in 0..3 {
             let own = moved_extent(extents[k], rows[k], reference);
