@@ -39,7 +39,7 @@ pub struct Config {
     /// Traversal costs, which the collapse minimizes.
     pub costs: Costs,
     /// Builds a binary tree over groups of primitives first, and `builder` is used only where a sample of its subtrees shows
-    /// that oriented nodes may pay; `None` for `builder` always.
+    /// that oriented nodes may pay, on other primitives than triangles only with groups of more than two; `None` for `builder` always.
     pub groups: Option<GroupConfig>,
     /// Builder of a binary tree with a primitive per leaf.
     pub builder: Builder,

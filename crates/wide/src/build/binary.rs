@@ -1,7 +1,8 @@
 //! Which binary tree is collapsed, in which frame its boxes are aligned, and whether nodes may be oriented.
 //!
 //! A tree over groups of primitives is quick to build and good for aligned nodes. Only where a sample of its subtrees shows
-//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them.
+//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them; over other primitives than triangles, the same tree
+//! with its groups of two divided.
 //!
 //! Frames and their plan take longer than all the rest of a quick build, and on scans, terrain and architecture the plan then
 //! has few oriented nodes or none. So subtrees are sampled, in proportion to their cost; each is built again with a
@@ -183,13 +184,40 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
         {
             return coarse;
         }
-        let full = full(items, &boxes_along(&rows), rows, scale, config);
+        let boxes = boxes_along(&rows);
+        let full = match refined(&coarse).filter(|_| I::REFINES_GROUPS) {
+            Some(tree) => fitted(tree, items, &boxes, rows, scale, config),
+            None => full(items, &boxes, rows, scale, config),
+        };
         return oriented_or(full, coarse, costs);
     }
     let full = full(items, &boxes, rows, scale, config);
     let is_worth_it =
         full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * full.aligned_cost(costs));
     Chosen { oriented: if is_worth_it { full.oriented } else { None }, ..full }
+}
+
+/// The tree with a primitive per leaf that has the nodes of `coarse`, where its groups have at most two primitives.
+fn refined<I: Item>(coarse: &Chosen<I>) -> Option<Tree> {
+    let (tree, Groups { primitives, starts, .. }) = (&coarse.tree, coarse.groups.as_ref()?);
+    if starts.windows(2).any(|ends| ends[1] - ends[0] > 2) {
+        return None;
+    }
+    // Nodes over groups of two have the numbers after all others.
+    let n_nodes = tree.nodes.len();
+    let refined = |child: Child| match child.kind() {
+        ChildKind::Leaf(group) if starts[group as usize + 1] - starts[group as usize] == 1 => {
+            Child::leaf(starts[group as usize])
+        }
+        ChildKind::Leaf(group) => Child::inner(NodeId(n_nodes as u32 + group)),
+        ChildKind::Inner(_) => child,
+    };
+    let children = |id: NodeId| match tree.nodes.get(id.index()) {
+        Some(node) => [refined(node.left), refined(node.right)],
+        None => [0, 1].map(|i| Child::leaf(starts[id.index() - n_nodes] + i)),
+    };
+    let ChildKind::Inner(root) = refined(tree.root()?).kind() else { return None };
+    Some(Tree::numbered(primitives.len(), root, children, |place| primitives[place as usize]))
 }
 
 /// Groups that fit into leaves.
@@ -216,12 +244,7 @@ pub(crate) fn full<'a, I: Item>(
 ) -> Chosen<'a, I> {
     let built = |builder: &Builder| {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-        let tree = canted_sah::build(boxes, &bounds, builder);
-        let mut chosen = Chosen::of((tree, None), items, boxes, rows, scale, &config.costs);
-        if config.oriented {
-            chosen.fit(config, scale);
-        }
-        chosen
+        fitted(canted_sah::build(boxes, &bounds, builder), items, boxes, rows, scale, config)
     };
     let first = || built(&config.builder);
     let Some(alternative) = &config.alternative_builder else { return first() };
@@ -229,6 +252,22 @@ pub(crate) fn full<'a, I: Item>(
     let (first, alternative) = par::join_stages(first, || built(alternative));
     // Compared as they would be built: at their leaf sizes, with their frames.
     if alternative.cost(&config.costs) < first.cost(&config.costs) { alternative } else { first }
+}
+
+/// A tree with a primitive per leaf, and frames where nodes may be oriented.
+fn fitted<'a, I: Item>(
+    tree: Tree,
+    items: Items<'a, I>,
+    boxes: &[Aabb],
+    rows: [[f32; 3]; 3],
+    scale: f32,
+    config: &Config,
+) -> Chosen<'a, I> {
+    let mut chosen = Chosen::of((tree, None), items, boxes, rows, scale, &config.costs);
+    if config.oriented {
+        chosen.fit(config, scale);
+    }
+    chosen
 }
 
 /// A tree of any builder, with oriented nodes where that is worth it. `parts` are the boxes of the leaves, in leaf order, where they

@@ -14,6 +14,10 @@ const CHUNK: usize = 1 << 13;
 
 /// The vertices of a triangle, or a primitive of the caller.
 pub(crate) trait Item: Copy + Send + Sync {
+    /// Whether oriented nodes are fitted to the tree of groups of two with its groups divided, instead of one of the builders: of curves it takes half
+    /// the time and has fewer nodes a ray (`benches/TRIED.md`).
+    const REFINES_GROUPS: bool;
+
     /// Relative to this point of object space; the item is not moved yet.
     fn moved(self, reference: ReferencePoint) -> Self;
 
@@ -89,6 +93,8 @@ pub(crate) fn moved<I: Item>(items: &[I], reference: ReferencePoint) -> Option<V
 }
 
 impl Item for Corners {
+    const REFINES_GROUPS: bool = false;
+
     #[inline]
     fn moved(self, reference: ReferencePoint) -> Self {
         self.map(|vertex| reference.moved(vertex))
@@ -123,6 +129,8 @@ impl Item for Corners {
 }
 
 impl Item for Placed<'_> {
+    const REFINES_GROUPS: bool = true;
+
     fn moved(self, reference: ReferencePoint) -> Self {
         Self { reference, ..self }
     }

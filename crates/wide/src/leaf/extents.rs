@@ -44,6 +44,16 @@ pub(super) fn extent_of_balls<const N: usize>(balls: &[[f64; 4]; N], direction: 
     [down(lo), up(hi)]
 }
 
+/// Centers and radii as [`extent_of_balls`] takes them.
+#[inline]
+pub(super) fn balls_of<const N: usize>(centers: &[[f32; 3]; N], radii: &[f32; N]) -> [[f64; 4]; N] {
+    let mut balls = [[0.0; 4]; N];
+    for (ball, (&[x, y, z], &radius)) in balls.iter_mut().zip(centers.iter().zip(radii)) {
+        *ball = [f64::from(x), f64::from(y), f64::from(z), f64::from(radius)];
+    }
+    balls
+}
+
 /// Balls along a direction, in arrays, which compilers put into lanes.
 struct Projected<const N: usize> {
     at: [f64; N],
@@ -55,7 +65,8 @@ struct Projected<const N: usize> {
 impl<const N: usize> Projected<N> {
     #[inline]
     fn of(balls: &[[f64; 4]; N], direction: [f32; 3]) -> Self {
-        let d = direction.map(f64::from);
+        let [a, b, c] = direction;
+        let d = [f64::from(a), f64::from(b), f64::from(c)];
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         let mut projected = Self { at: [0.0; N], reach: [0.0; N], size: [0.0; N] };
         for (i, [x, y, z, radius]) in balls.iter().enumerate() {
@@ -72,10 +83,14 @@ impl<const N: usize> Projected<N> {
 /// hulls are tighter than that of its own. Both ends of the interval of a ball are cubic polynomials of its parameter.
 ///
 /// Six means follow one another, each with a rounding: the error covers them, too.
-pub(super) fn extent_of_cubic(balls: &[[f32; 4]; 4], direction: [f32; 3]) -> [f32; 2] {
-    let Projected { at, reach, size } = Projected::of(&balls.map(|ball| ball.map(f64::from)), direction);
-    let ends = [0, 1, 2, 3].map(|i| [reach[i] - at[i], at[i] + reach[i]]);
-    let error = 4.0 * EXTENT_ERROR * size.into_iter().fold(0.0, f64::max);
+pub(super) fn extent_of_cubic(balls: &[[f64; 4]; 4], direction: [f32; 3]) -> [f32; 2] {
+    let Projected { at, reach, size } = Projected::of(balls, direction);
+    let (mut ends, mut greatest) = ([[0.0; 2]; 4], 0.0_f64);
+    for i in 0..4 {
+        ends[i] = [reach[i] - at[i], at[i] + reach[i]];
+        greatest = greatest.max(size[i]);
+    }
+    let error = 4.0 * EXTENT_ERROR * greatest;
     let [low, high] = greatest_of_quarters(ends);
     [down(-low - error), up(high + error)]
 }

@@ -1,9 +1,9 @@
 //! Spheres, round segments, round cubic curves and boxes as primitives.
 
-use canted_obb::{Aabb, Moments};
+use canted_obb::{Aabb, Moments, Obb};
 use canted_trace::{CurvePoint, RoundCubic, RoundSegment, ScaledRay, SegmentPoint, Side, Sphere};
 
-use super::extents::{bounds_of_points, extent_of_balls, extent_of_cubic, extent_of_points};
+use super::extents::{balls_of, bounds_of_points, extent_of_balls, extent_of_cubic, extent_of_points};
 use super::primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 
 /// Front where the ray enters, back where it leaves; surface coordinates are 0.
@@ -79,7 +79,7 @@ impl Primitive for RoundSegment {
     }
 
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
-        extent_of_balls(&self.to_data().map(|ball| ball.map(f64::from)), direction)
+        extent_of_balls(&balls_of(&self.ends, &self.radii), direction)
     }
 
     fn moments(&self) -> Moments {
@@ -118,24 +118,21 @@ impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
-    // Ends, and the inner control balls of the halves that are next to the middle: as high as a curve whose bulge is a parabola.
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(|curve| {
-        let [a, b, c, d] = curve.to_data();
-        let inner = |a: [f32; 4], b: [f32; 4], c: [f32; 4]| [0, 1, 2, 3].map(|k| 0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k]);
-        [a, inner(a, b, c), inner(b, c, d), d]
-    });
+    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(fit_balls);
 
     fn bounds(&self) -> Aabb {
         if !self.points.as_flattened().iter().chain(&self.radii).all(|x| x.is_finite()) {
             return Aabb { min: [f32::NAN; 3], max: [f32::NAN; 3] };
         }
-        let extents =
-            [0, 1, 2].map(|axis| self.extent_along(std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 })));
-        Aabb { min: extents.map(|[lo, _]| lo), max: extents.map(|[_, hi]| hi) }
+        let (balls, mut bounds) = (balls_of(&self.points, &self.radii), Aabb::EMPTY);
+        for k in 0..3 {
+            [bounds.min[k], bounds.max[k]] = extent_of_cubic(&balls, Obb::IDENTITY_FRAME[k]);
+        }
+        bounds
     }
 
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
-        extent_of_cubic(&self.to_data(), direction)
+        extent_of_cubic(&balls_of(&self.points, &self.radii), direction)
     }
 
     fn moments(&self) -> Moments {
@@ -147,6 +144,16 @@ impl Primitive for RoundCubic {
         let CurvePoint { t, u, is_entry } = self.event_scaled(ray, t_max)?;
         Some(PrimitiveHit { t, u, v: 0.0, side: if is_entry { Side::Front } else { Side::Back } })
     }
+}
+
+/// Ends, and the inner control balls of the halves that are next to the middle: as high as a curve whose bulge is a parabola.
+fn fit_balls(curve: &RoundCubic) -> [[f32; 4]; 4] {
+    let [a, b, c, d] = curve.to_data();
+    let mut balls = [a, b, c, d];
+    for k in 0..4 {
+        (balls[1][k], balls[2][k]) = (0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k], 0.25 * b[k] + 0.5 * c[k] + 0.25 * d[k]);
+    }
+    balls
 }
 
 impl SavedPrimitive for RoundCubic {

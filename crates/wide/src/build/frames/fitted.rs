@@ -24,6 +24,12 @@ pub(crate) trait Fitted: Send + Sync + Sized {
     fn extents<const N: usize>(items: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N];
 }
 
+/// The principal axes, where they are finite. Exact axes of a segment would make its box smaller, and leaves of several larger: 0.92 to 0.98 of the rays.
+pub(super) fn principal_frame(moments: &Moments) -> Option<[Vec3A; 3]> {
+    let rows = to_glam(moments.axes(eigen::COARSE));
+    rows.iter().all(|row| row.is_finite()).then_some(rows)
+}
+
 /// Half of the surface area of a box with these sides.
 #[inline]
 pub(super) fn half_area([x, y, z]: [f32; 3]) -> f32 {
@@ -162,12 +168,20 @@ pub(crate) struct ScaledBalls {
 impl ScaledBalls {
     /// Scales the balls of all items and moves the first center to the origin; `None` where items have none.
     pub(crate) fn all(items: &[Placed], scale: f32) -> Option<Vec<Self>> {
-        let origin = items.first()?.reference.moved(center(items[0].primitive.fit_balls()?[0])).map(|x| x * scale);
+        let first = items.first()?;
+        let origin = first.reference.moved(center(first.primitive.fit_balls()?[0])).map(|x| x * scale);
         let of = |item: &Placed| {
             let balls = item.primitive.fit_balls().expect("all primitives are of one type");
-            let centers = balls.map(|ball| item.reference.moved(center(ball)));
-            let row = |k: usize| Vec4::from_array(centers.map(|center| center[k] * scale - origin[k]));
-            Self { centers: [row(0), row(1), row(2)], radii: Vec4::from_array(balls.map(|ball| ball[3] * scale)) }
+            let mut rows = [[0.0; 4]; 4];
+            for (i, ball) in balls.into_iter().enumerate() {
+                let center = item.reference.moved(center(ball));
+                for k in 0..3 {
+                    rows[k][i] = center[k] * scale - origin[k];
+                }
+                rows[3][i] = ball[3] * scale;
+            }
+            let [x, y, z, radii] = rows.map(Vec4::from_array);
+            Self { centers: [x, y, z], radii }
         };
         Some(par::map(items, CHUNK, of))
     }
@@ -180,17 +194,22 @@ fn center([x, y, z, _]: [f32; 4]) -> [f32; 3] {
 impl Fitted for ScaledBalls {
     /// Of the centers.
     fn moments(&self) -> Moments {
-        let [x, y, z] = self.centers.map(|row| row.to_array().map(f64::from));
-        let mean = [x, y, z].map(|row| 0.25 * ((row[0] + row[1]) + (row[2] + row[3])));
-        let [x, y, z] = [0, 1, 2].map(|k| [x, y, z][k].map(|at| at - mean[k]));
-        let sum = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
-        let scatter = [sum(&x, &x), sum(&x, &y), sum(&x, &z), sum(&y, &y), sum(&y, &z), sum(&z, &z)];
-        Moments { weight: 4.0, mean, scatter }
+        let (mut mean, mut apart) = ([0.0; 3], [[0.0; 4]; 3]);
+        for k in 0..3 {
+            let [a, b, c, d] = self.centers[k].to_array();
+            let row = [f64::from(a), f64::from(b), f64::from(c), f64::from(d)];
+            mean[k] = 0.25 * ((row[0] + row[1]) + (row[2] + row[3]));
+            apart[k] = [row[0] - mean[k], row[1] - mean[k], row[2] - mean[k], row[3] - mean[k]];
+        }
+        let sum = |i: usize, j: usize| {
+            let (a, b) = (&apart[i], &apart[j]);
+            (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])
+        };
+        Moments { weight: 4.0, mean, scatter: [sum(0, 0), sum(0, 1), sum(0, 2), sum(1, 1), sum(1, 2), sum(2, 2)] }
     }
 
     fn own_frame(&self, _: f32) -> Option<[Vec3A; 3]> {
-        let rows = to_glam(self.moments().axes(eigen::COARSE));
-        rows.iter().all(|row| row.is_finite()).then_some(rows)
+        principal_frame(&self.moments())
     }
 
     fn other_frames(&self) -> impl Iterator<Item = [Vec3A; 3]> {
@@ -236,8 +255,7 @@ impl Fitted for ScaledShape<'_> {
     }
 
     fn own_frame(&self, _: f32) -> Option<[Vec3A; 3]> {
-        let rows = to_glam(self.moments().axes(eigen::COARSE));
-        rows.iter().all(|row| row.is_finite()).then_some(rows)
+        principal_frame(&self.moments())
     }
 
     fn other_frames(&self) -> impl Iterator<Item = [Vec3A; 3]> {

@@ -2,10 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use canted_obb::{Moments, eigen};
+use canted_obb::Moments;
 use glam::Vec3A;
 
-use super::fitted::{Fitted, half_area};
+use super::fitted::{Fitted, half_area, principal_frame};
 use super::vector::{from_glam, to_glam};
 use super::{Fit, MIN_GAIN};
 
@@ -74,10 +74,7 @@ pub(super) fn fit<F: Fitted>(
             choice.offer(|| Some(rows));
         }
     }
-    choice.offer(|| {
-        let rows = to_glam(below.moments.axes(eigen::COARSE));
-        rows.iter().all(|row| row.is_finite()).then_some(rows)
-    });
+    choice.offer(|| principal_frame(&below.moments));
     let Some(rows) = choice.rows else { return aligned };
     let mut half_area = choice.half_area;
     if choice.stride > 1 {
