@@ -185,7 +185,8 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
             return coarse;
         }
         let boxes = boxes_along(&rows);
-        let full = match refined(&coarse).filter(|_| I::REFINES_GROUPS) {
+        let groups = coarse.groups.as_ref().filter(|_| I::REFINES_GROUPS);
+        let full = match groups.and_then(|groups| refined(&coarse.tree, groups)) {
             Some(tree) => fitted(tree, items, &boxes, rows, scale, config),
             None => full(items, &boxes, rows, scale, config),
         };
@@ -197,9 +198,8 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
     Chosen { oriented: if is_worth_it { full.oriented } else { None }, ..full }
 }
 
-/// The tree with a primitive per leaf that has the nodes of `coarse`, where its groups have at most two primitives.
-fn refined<I: Item>(coarse: &Chosen<I>) -> Option<Tree> {
-    let (tree, Groups { primitives, starts, .. }) = (&coarse.tree, coarse.groups.as_ref()?);
+/// The tree with a primitive per leaf that has the nodes of one over groups, where these have at most two primitives.
+fn refined(tree: &Tree, Groups { primitives, starts, .. }: &Groups) -> Option<Tree> {
     if starts.windows(2).any(|ends| ends[1] - ends[0] > 2) {
         return None;
     }
@@ -389,4 +389,56 @@ fn sampled_cost<I: Item>(chosen: &Chosen<I>, config: &Config, scale: f32) -> f32
     let total = f64::from(plan.cost(root)).max(below);
 
     ((total - below + part * below) / total) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::soup;
+    use canted_lbvh::{Leaf, triangle_corners};
+
+    use super::*;
+
+    /// The primitives below each node, in order of their numbers.
+    fn contents(tree: &Tree, places: impl Fn(u32, u32) -> Range<usize>, primitives: &[PrimId]) -> Vec<Vec<PrimId>> {
+        let below = tree.nodes.iter().map(|node| primitives[places(node.first, node.last)].to_vec());
+        below.map(|mut ids| (ids.sort_unstable(), ids).1).collect()
+    }
+
+    /// The first node of the tree over groups that the other one does not have, or a flaw of that.
+    fn flaw(tree: &Tree, groups: &Groups, refined: &Tree) -> Option<String> {
+        let mut all = refined.leaves.clone();
+        all.sort_unstable();
+        let is_complete = all.iter().zip(0..).all(|(id, i)| id.0 == i) && all.len() == groups.primitives.len();
+        if !is_complete || refined.nodes.len() + 1 != all.len() {
+            return Some("primitives are not in one leaf each".to_owned());
+        }
+        let members = LeafContents::Groups(&groups.starts);
+        let in_groups =
+            |first, last| members.range(first, last).start as usize..members.range(first, last).end as usize;
+        let wanted = contents(tree, in_groups, &groups.primitives);
+        let found = contents(refined, |first, last| first as usize..last as usize + 1, &refined.leaves);
+        wanted.iter().position(|ids| !found.contains(ids)).map(|i| format!("node {i}"))
+    }
+
+    #[test]
+    fn a_refined_tree_has_the_nodes_of_the_groups_and_each_primitive_once() {
+        for n in [2, 3, 5, 300] {
+            let mesh = soup(7, n);
+            let boxes: Vec<Aabb> =
+                triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0.iter().map(Leaf::aabb).collect();
+            let (tree, groups) = canted_sah::grouped(&boxes, &GroupConfig::BALANCED);
+            let mut refined = refined(&tree, &groups).unwrap();
+            assert_eq!(flaw(&tree, &groups, &refined), None, "{n}");
+            // The check sees a primitive that is elsewhere, and one that is in two leaves.
+            if n == 300 {
+                refined.leaves.swap(0, 200);
+                assert!(flaw(&tree, &groups, &refined).is_some());
+                refined.leaves[0] = refined.leaves[1];
+                assert!(flaw(&tree, &groups, &refined).is_some());
+            }
+        }
+        let boxes = [Aabb { min: [0.0; 3], max: [1.0; 3] }; 8];
+        let (tree, groups) = canted_sah::grouped(boxes, &GroupConfig::FAST);
+        assert!(refined(&tree, &groups).is_none(), "groups of eight");
+    }
 }

@@ -1,9 +1,12 @@
-use canted_fixtures::{self as fixtures, Mesh};
+use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Leaf, NodeId, Tree};
 use canted_obb::Aabb;
 use canted_sah::PlocConfig;
+use canted_trace::{RoundCubic, RoundSegment};
+use glam::Vec3A;
 
-use super::{BoxAreas, Fit, Fits, FrameConfig, ScaledTriangle, fit};
+use super::{BoxAreas, Fit, Fits, Fitted, FrameConfig, ScaledBalls, ScaledShape, ScaledTriangle, fit};
+use crate::leaf::{Placed, Primitive};
 
 const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -213,6 +216,50 @@ fn threads_change_nothing() {
     };
     assert!(input.tree.tasks.len() > 4);
     assert_eq!(fit(1), fit(7));
+}
+
+/// By how much the extents by balls differ at most from those that primitives report, in nodes of a few along random rows.
+fn difference_of_balls<P: Primitive>(
+    random: impl Fn(&mut SplitMix64) -> P,
+    change: impl Fn(&mut Vec<ScaledBalls>),
+) -> f32 {
+    let mut rng = SplitMix64::new(5);
+    let mut greatest = 0.0_f32;
+    for n in (1..=6).cycle().take(600) {
+        let primitives: Vec<P> = (0..n).map(|_| random(&mut rng)).collect();
+        let placed: Vec<Placed> = primitives.iter().map(|primitive| Placed::given(primitive)).collect();
+        let mut balls = ScaledBalls::all(&placed, 0.25).unwrap();
+        change(&mut balls);
+        let shapes: Vec<ScaledShape> = placed.iter().map(|&placed| ScaledShape { placed, scale: 0.25 }).collect();
+        let rows = [0; 3].map(|_| Vec3A::from_array(rng.signed3().map(narrow)).normalize());
+        let [a, b] = [ScaledBalls::extents(&balls, 1, &rows), ScaledShape::extents(&shapes, 1, &rows)];
+        greatest = a.iter().zip(b).fold(greatest, |greatest, (a, b)| greatest.max((a - b).abs()));
+    }
+    greatest
+}
+
+/// Of segments but for rounding, of curves that are bent by a tenth of their length but for a hundredth of it, at a scale of a quarter.
+#[test]
+fn balls_have_about_the_extents_of_curves() {
+    let point = |rng: &mut SplitMix64| rng.signed3().map(narrow);
+    let segment = |rng: &mut SplitMix64| RoundSegment { ends: [point(rng), point(rng)], radii: [0.1, 0.02] };
+    let curve = |rng: &mut SplitMix64| {
+        let [a, d] = [point(rng), point(rng)];
+        let length = (0..3).map(|k| (d[k] - a[k]).powi(2)).sum::<f32>().sqrt();
+        let mut bent = |part: f32| {
+            let by = Vec3A::from_array(point(rng)).normalize().to_array();
+            [0, 1, 2].map(|k| a[k] + part * (d[k] - a[k]) + 0.1 * length * by[k])
+        };
+        RoundCubic { points: [a, bent(1.0 / 3.0), bent(2.0 / 3.0), d], radii: [0.1, 0.08, 0.05, 0.02] }
+    };
+    assert!(difference_of_balls(segment, |_| ()) < 1e-6);
+    // The longest is of length two times the root of three.
+    let bound = 0.25 * 0.01 * 2.0 * 3.0_f32.sqrt();
+    assert!(difference_of_balls(curve, |_| ()) < bound);
+    // A ball too few is seen.
+    let shrink = |balls: &mut Vec<ScaledBalls>| drop(balls.pop());
+    assert!(difference_of_balls(segment, shrink) > bound);
+    assert!(difference_of_balls(curve, shrink) > bound);
 }
 
 /// The twelve triangles of a box of these sides.
