@@ -13,7 +13,7 @@ pub enum Preset {
     /// Nearly the fastest traversal: smaller groups, moved where that helps, and a mesh frame.
     #[default]
     Balanced,
-    /// The fastest traversal: groups are moved further; where oriented nodes may pay, the better of two binary trees.
+    /// The fastest traversal: groups are moved further; over triangles, where oriented nodes may pay, the better of two binary trees.
     Quality,
 }
 

@@ -24,7 +24,7 @@ pub(crate) trait Fitted: Send + Sync + Sized {
     fn extents<const N: usize>(items: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N];
 }
 
-/// The principal axes, where they are finite. Exact axes of a segment would make its box smaller, and leaves of several larger: 0.92 to 0.98 of the rays.
+/// The principal axes, where they are finite. Exact axes of segments predict so little for leaves of several that there are too many: 0.92 to 0.98 of the rays.
 pub(super) fn principal_frame(moments: &Moments) -> Option<[Vec3A; 3]> {
     let rows = to_glam(moments.axes(eigen::COARSE));
     rows.iter().all(|row| row.is_finite()).then_some(rows)
