@@ -7,6 +7,9 @@ use super::extents::{extent_of_box, moved_extent};
 use super::{LeafData, LeafPrimitive};
 use crate::traverse::LeafRange;
 
+/// Four balls, each a center and a radius.
+pub(super) type FourBalls = [[f32; 4]; 4];
+
 /// Where a ray hits a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PrimitiveHit {
@@ -113,7 +116,7 @@ pub trait Primitive: Send + Sync {
     /// Four balls, each a center and a radius, whose convex hull is about the primitive: where a type has them, the frames of oriented boxes are compared
     /// by them instead of by [`Primitive::moments`] and [`Primitive::extent_along`], which makes builds several times as fast. What boxes contain, and
     /// hits, do not depend on them.
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = None;
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = None;
 
     /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters it and misses
     /// no line that is deeper inside than 2^-23 of the greatest distance between the ray's origin and a point of it, plus its radius: rays that
@@ -158,7 +161,7 @@ impl<P: Primitive> Primitive for &P {
         Some(_) => Some(|primitive| P::BALL.expect("it is one")(primitive)),
         None => None,
     };
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = match P::FIT_BALLS {
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = match P::FIT_BALLS {
         Some(_) => Some(|primitive| P::FIT_BALLS.expect("it has them")(primitive)),
         None => None,
     };
@@ -197,7 +200,7 @@ pub(crate) trait Bounded: Send + Sync {
     fn moments(&self) -> Moments;
 
     /// [`Primitive::FIT_BALLS`].
-    fn fit_balls(&self) -> Option<[[f32; 4]; 4]>;
+    fn fit_balls(&self) -> Option<FourBalls>;
 
     /// [`Primitive::extent_along`] each of these rows.
     fn extents_along(&self, rows: &[[f32; 3]], extents: &mut [[f32; 2]]);
@@ -212,7 +215,7 @@ impl<P: Primitive> Bounded for P {
         Primitive::moments(self)
     }
 
-    fn fit_balls(&self) -> Option<[[f32; 4]; 4]> {
+    fn fit_balls(&self) -> Option<FourBalls> {
         P::FIT_BALLS.map(|balls| balls(self))
     }
 

@@ -9,7 +9,7 @@
 use canted_obb::{Aabb, Moments};
 use canted_trace::{RibbonCubic, RibbonPoint, RibbonSegment, RoundCubic, RoundSegment, ScaledRay, Side};
 
-use super::primitive::{Primitive, PrimitiveHit, SavedPrimitive};
+use super::primitive::{FourBalls, Primitive, PrimitiveHit, SavedPrimitive};
 
 /// The tube with the same silhouette.
 fn segment_around(ribbon: &RibbonSegment) -> RoundSegment {
@@ -32,7 +32,7 @@ impl Primitive for RibbonSegment {
     const MAX_LEAF: usize = 8;
     const COST: f32 = 6.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(segment_around);
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = match RoundSegment::FIT_BALLS {
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = match RoundSegment::FIT_BALLS {
         Some(_) => Some(|ribbon| RoundSegment::FIT_BALLS.expect("tubes have them")(&segment_around(ribbon))),
         None => None,
     };
@@ -80,7 +80,7 @@ impl Primitive for RibbonCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = match RoundCubic::FIT_BALLS {
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = match RoundCubic::FIT_BALLS {
         Some(_) => Some(|ribbon| RoundCubic::FIT_BALLS.expect("tubes have them")(&cubic_around(ribbon))),
         None => None,
     };

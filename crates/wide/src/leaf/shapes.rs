@@ -4,7 +4,7 @@ use canted_obb::{Aabb, Moments, Obb};
 use canted_trace::{CurvePoint, RoundCubic, RoundSegment, ScaledRay, SegmentPoint, Side, Sphere};
 
 use super::extents::{balls_of, bounds_of_points, extent_of_balls, extent_of_cubic, extent_of_points};
-use super::primitive::{Primitive, PrimitiveHit, SavedPrimitive};
+use super::primitive::{FourBalls, Primitive, PrimitiveHit, SavedPrimitive};
 
 /// Front where the ray enters, back where it leaves; surface coordinates are 0.
 ///
@@ -18,7 +18,7 @@ impl Primitive for Sphere {
     // Four filters of eight in a row take less than the nodes that they save.
     const MAX_LEAF: usize = 32;
     const BALL: Option<fn(&Self) -> Sphere> = Some(|sphere| *sphere);
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(|sphere| [sphere.to_data(); 4]);
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(|sphere| [sphere.to_data(); 4]);
     const IS_HULL: bool = true;
 
     fn bounds(&self) -> Aabb {
@@ -60,7 +60,7 @@ impl Primitive for RoundSegment {
     const MAX_LEAF: usize = 8;
     const COST: f32 = 4.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(|segment| *segment);
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(|segment| {
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(|segment| {
         let [a, b] = segment.to_data();
         [a, b, a, b]
     });
@@ -118,7 +118,7 @@ impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
-    const FIT_BALLS: Option<fn(&Self) -> [[f32; 4]; 4]> = Some(fit_balls);
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(fit_balls);
 
     fn bounds(&self) -> Aabb {
         if !self.points.as_flattened().iter().chain(&self.radii).all(|x| x.is_finite()) {
@@ -147,7 +147,7 @@ impl Primitive for RoundCubic {
 }
 
 /// Ends, and the inner control balls of the halves that are next to the middle: as high as a curve whose bulge is a parabola.
-fn fit_balls(curve: &RoundCubic) -> [[f32; 4]; 4] {
+fn fit_balls(curve: &RoundCubic) -> FourBalls {
     let [a, b, c, d] = curve.to_data();
     let mut balls = [a, b, c, d];
     for k in 0..4 {
