@@ -8,7 +8,7 @@
 // `?integrator` says what a sample does with the answers to its rays. A shadow ray and the onward ray of the same surface are traced at the same time; light is
 // added in the order of `render/path` and `render/hybrid`, so a sample has the same bits. Samples that go on, rays and shadow rays are lists of indices:
 // a dispatch has invocations for those alone. The states lie in the order of samples. A sample
-// is kept when it is done; until then it is one that no kernel finished.
+// is kept when it is done; until then it is one that no kernel finished. Its light in parts is kept after each step, and the next one adds to that.
 // use shared/invocation/index
 // use shared/invocation/incomplete
 // use shared/ray
@@ -38,6 +38,16 @@ fn state_from(start: CameraRay) -> State {
     return path_from(start);
 }
 
+/// Continues with the light in parts that is kept of a sample.
+fn resume_parts(index: u32) {
+    resume_components(index);
+}
+
+/// Keeps it; zeros once the radiance is not finite, which it stays.
+fn keep_parts(one: PixelSample, radiance: vec3<f32>, index: u32) {
+    keep_components(index / 64u, index % 64u, one, radiance);
+}
+
 /// Whether a surface scattered the onward ray.
 fn has_scattered(state: State) -> bool {
     return state.n_scattered > 0u;
@@ -51,6 +61,18 @@ alias State = Gathering;
 
 fn state_from(start: CameraRay) -> State {
     return gathering_from(start);
+}
+
+/// Continues with the light in parts that is kept of a sample.
+fn resume_parts(index: u32) {
+    resume_components(index);
+    resume_first_light(index);
+}
+
+/// Keeps it; zeros once the radiance is not finite, which it stays.
+fn keep_parts(one: PixelSample, radiance: vec3<f32>, index: u32) {
+    keep_components(index / 64u, index % 64u, one, radiance);
+    keep_first_light(index / 64u, index % 64u, one, radiance);
 }
 
 /// Whether a surface scattered the onward ray.
@@ -184,6 +206,8 @@ fn main(id: Invocation) {
         states[index] = state;
         is_incomplete = true;
         keep(group, id.local, one, vec3(0.0), 0u);
+        // None so far.
+        keep_parts(one, vec3(0.0), index);
     }
     send(id.local, one.is_inside, index, state);
 }
@@ -208,9 +232,11 @@ fn main(id: Invocation) {
         index = listed.indices[entry];
         state = states[index];
         let one = taken(index / 64u, index % 64u);
+        resume_parts(index);
         advance_by_answers(&state, one, index);
         states[index] = state;
         keep_done(state, one, index);
+        keep_parts(one, state.radiance, index);
     }
     send(id.local, is_there, index, state);
 }
@@ -257,6 +283,7 @@ fn main(id: Invocation) {
     let one = taken(index / 64u, index % 64u);
     choose_time(one);
     var state = states[index];
+    resume_parts(index);
     // The hidden face at which the scattered ray that is traced again ends.
     var hidden = miss();
     ray_sample = one.sample;
@@ -286,6 +313,7 @@ fn main(id: Invocation) {
         state.stage = CUT;
     }
     keep_done(state, one, index);
+    keep_parts(one, state.radiance, index);
 }
 
 // part masked

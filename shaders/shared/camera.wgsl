@@ -231,6 +231,8 @@ fn add_arriving(vertex: u32, light: vec3<f32>) {}
 
 fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {}
 
+fn resume_first_light(index: u32) {}
+
 fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
 
 // choice first_light/four
@@ -274,6 +276,15 @@ fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {
     occluded_light = arriving;
 }
 
+/// Continues with the light that is kept of a sample.
+fn resume_first_light(index: u32) {
+    let kept = first_light[index];
+    diffuse_light = vec3(kept.diffuse[0], kept.diffuse[1], kept.diffuse[2]);
+    shadowed_light = vec3(kept.shadowed[0], kept.shadowed[1], kept.shadowed[2]);
+    ambient_light = vec3(kept.ambient[0], kept.ambient[1], kept.ambient[2]);
+    occluded_light = vec3(kept.occluded[0], kept.occluded[1], kept.occluded[2]);
+}
+
 /// Stores the light of a sample, and zeros for one that is dropped because its radiance is not finite.
 fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {
     if one.is_inside {
@@ -300,6 +311,8 @@ fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32
 // It is not kept.
 
 fn add_component(n_scattered: u32, light: vec3<f32>) {}
+
+fn resume_components(index: u32) {}
 
 fn keep_components(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
 
@@ -328,6 +341,14 @@ fn add_component(n_scattered: u32, light: vec3<f32>) {
     emission_light += select(vec3(0.0), light, n_scattered == 0u);
     direct_light += select(vec3(0.0), light, n_scattered == 1u);
     indirect_light += select(vec3(0.0), light, n_scattered > 1u);
+}
+
+/// Continues with the components that are kept of a sample.
+fn resume_components(index: u32) {
+    let kept = components[index];
+    emission_light = vec3(kept.emission[0], kept.emission[1], kept.emission[2]);
+    direct_light = vec3(kept.direct[0], kept.direct[1], kept.direct[2]);
+    indirect_light = vec3(kept.indirect[0], kept.indirect[1], kept.indirect[2]);
 }
 
 /// Stores the components of a sample, and zeros for one that is dropped because its radiance is not finite.

@@ -8,7 +8,7 @@ use naga::{
 use crate::{ShaderError, ShaderName, Variant, assemble};
 
 /// Maximum number of storage buffers of a stage over all kernels: the limit that hosts request.
-pub const MAX_STORAGE_BUFFERS: u32 = 28;
+pub const MAX_STORAGE_BUFFERS: u32 = 31;
 
 /// Line of kernels that use ray queries of the driver.
 const RAY_QUERIES: &str = "enable wgpu_ray_query;";

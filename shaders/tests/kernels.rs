@@ -44,24 +44,32 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
     }
 }
 
+/// Whatever parts fill its slots: each place of a buffer counts once, as no variant binds two buffers at one.
+#[test]
+fn no_kernel_has_places_for_more_storage_buffers_than_hosts_request() {
+    let is_storage = |kind: &BindingKind| matches!(kind, BindingKind::Storage { .. });
+    let n_places = |kernel: ShaderName| {
+        let shader = |chosen| Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
+        let entries = choices(kernel).into_iter().map(shader).flat_map(|shader| shader.entries);
+        let bound = entries.flat_map(|entry| entry.bindings).filter(|binding| is_storage(&binding.kind));
+        bound.map(|binding| (binding.group, binding.number)).collect::<BTreeSet<_>>().len()
+    };
+    assert_eq!(kernels().map(n_places).max(), Some(MAX_STORAGE_BUFFERS as usize));
+}
+
 #[test]
 fn light_in_parts_is_bound_only_where_it_is_kept() {
-    let mut n_kept = 0;
-    for kernel in [wgsl::render::HYBRID, wgsl::render::PATH] {
+    use wgsl::render::{HYBRID, PATH, stream};
+    for kernel in [HYBRID, PATH, stream::START, stream::SHADE, stream::REST] {
+        let mut n_kept = [0; 2];
         for chosen in choices(kernel) {
-            let is_kept = chosen.has(choice::Components::Three);
             let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
-            let binds = shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == "components");
-            assert_eq!(binds, is_kept, "{kernel}: {chosen:?}");
-            n_kept += u32::from(is_kept);
+            let binds = |name| shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == name);
+            let are_kept = [chosen.has(choice::Components::Three), chosen.has(choice::FirstLight::Four)];
+            assert_eq!([binds("components"), binds("first_light")], are_kept, "{kernel}: {chosen:?}");
+            n_kept = std::array::from_fn(|k| n_kept[k] + u32::from(are_kept[k]));
         }
-    }
-    assert!(n_kept >= 2);
-    for chosen in choices(wgsl::render::HYBRID) {
-        let is_kept = chosen.has(choice::FirstLight::Four);
-        let shader = Shader::new(wgsl::render::HYBRID, &chosen).unwrap_or_else(|error| panic!("{error}"));
-        let binds = shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == "first_light");
-        assert_eq!(binds, is_kept, "{chosen:?}");
+        assert_eq!(n_kept.map(|n| n > 0), [true, kernel != PATH], "{kernel}");
     }
 }
 

@@ -90,14 +90,18 @@ impl Gpu {
         experimental_features: ExperimentalFeatures,
     ) -> Result<Self, GpuError> {
         // Default limits, raised only where the kernels need it. A device grants no more than was requested.
-        let most = adapter.limits();
+        let (most, usual) = (adapter.limits(), Limits::defaults());
+        let most_buffers = MAX_STORAGE_BUFFERS + usual.max_uniform_buffers_per_shader_stage;
         let limits = change(Limits {
             max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
             max_buffer_size: most.max_buffer_size,
             max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(MAX_STORAGE_BUFFERS),
+            max_buffers_and_acceleration_structures_per_shader_stage: most
+                .max_buffers_and_acceleration_structures_per_shader_stage
+                .min(most_buffers),
             max_compute_workgroup_storage_size: most.max_compute_workgroup_storage_size.min(32_768),
             max_color_attachment_bytes_per_sample: most.max_color_attachment_bytes_per_sample.min(64),
-            ..Limits::defaults()
+            ..usual
         });
         let descriptor = DeviceDescriptor {
             label: Some("canted"),

@@ -101,7 +101,7 @@
 //! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 of those of your kernel: see [`Gpu::check_module`] |
 //! | `max_storage_buffer_binding_size` | bounds the number of triangles: see [`DeviceBvh`] |
 //!
-//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
+//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 31 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
 //! the scene. What exceeds a limit is reported by [`GpuError::Limit`].
 //!
 //! # Motion blur

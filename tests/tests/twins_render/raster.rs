@@ -203,6 +203,7 @@ fn rasterized_first_hits_change_no_picture() {
                 let picture = DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings).unwrap();
                 let (picture, used) = picture.with_first_hit(first_hit).unwrap();
                 assert_eq!(used, first_hit);
+                assert_eq!(picture.without_streams(), (used == FirstHit::Raster).then_some("a raster pass"));
                 picture.render(vec![], &monitor).unwrap()
             };
             assert!(film(FirstHit::Raster) == film(FirstHit::Trace), "{levels:?}");

@@ -1,11 +1,12 @@
 //! Pictures whose rays are traced as streams have the bits of those by one kernel.
 
-use canted_film::{Aov, Film};
+use canted_film::{Film, Filter};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::{Gpu, TracedScene};
+use canted_gpu::{Choice, Gpu, Limits, TracedScene, block_on};
 use canted_renderer::{DevicePicture, Integrator, Levels, SampleSums, SceneBvh, Settings, Surfaces, traced_scene};
 use canted_scene::{Camera, Scene};
 
+use crate::components::{has_light, too_bright};
 use crate::gpu;
 use crate::paths::of_all_materials;
 use crate::scenes::{self, on_cpu, scene_bvh};
@@ -16,9 +17,11 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(streams_have_the_bits_of_one_kernel),
         needs_device(streams_of_textures_have_the_bits_of_one_kernel),
         needs_device(streams_of_large_scenes_have_the_bits_of_one_kernel),
+        needs_device(streams_keep_the_light_in_parts),
         needs_device(rounds_that_samples_do_not_need_are_not_recorded),
         needs_device(the_cpu_takes_paths_that_streams_cut),
         needs_device(streams_leave_other_pictures_to_one_kernel),
+        needs_device(devices_with_fewer_buffers_take_one_kernel),
     ]
 }
 
@@ -110,6 +113,30 @@ fn compare_streams(ended: Integrator, (name, scene, camera): (&str, &Scene, &Cam
     }
 }
 
+/// All AOVs, of the device's sums and of the host's, and those of samples that one kernel ends.
+fn streams_keep_the_light_in_parts() {
+    let gpu = gpu();
+    for (name, (scene, camera), integrator, sums) in [
+        ("room", scenes::room(), Integrator::Hybrid, SampleSums::Device),
+        ("metal and glass", of_all_materials(), Integrator::Path, SampleSums::Host),
+        ("too bright for f32", too_bright(), Integrator::Hybrid, SampleSums::Host),
+    ] {
+        let bvh = scene_bvh(&scene, Levels::One);
+        let all = Settings { sums, aovs: integrator.aovs(), filter: Filter::MITCHELL, ..settings(integrator, 2) };
+        let with = |settings: &Settings, streams| {
+            rendered(&gpu, (&scene, &camera), &bvh, settings, streams, |traced| traced)
+        };
+        let whole = with(&all, false);
+        assert!(has_light(&whole), "{name}: light in each part");
+        assert!(with(&all, true) == whole, "{name}, {integrator:?}, {sums:?}");
+        let ended = ended_after(2, &gpu, (&scene, &camera), &bvh, &all, 1 << 18);
+        assert!(ended == whole, "{name}, {integrator:?}, {sums:?}, ended by one kernel");
+        // The comparison detects parts of fewer bounces.
+        let fewer = with(&Settings { bounces: 1, ..all }, true);
+        assert!(fewer.components() != whole.components(), "{name}");
+    }
+}
+
 /// One dispatch of samples: all rounds are recorded once, then as many as samples needed and two more. A read brings samples and counts together; another one
 /// follows only where fewer rounds were expected than samples need.
 fn rounds_that_samples_do_not_need_are_not_recorded() {
@@ -155,20 +182,37 @@ fn the_cpu_takes_paths_that_streams_cut() {
 
 fn streams_leave_other_pictures_to_one_kernel() {
     let gpu = gpu();
-    let refused = |(scene, camera): &(Scene, Camera), settings: &Settings| {
+    let reason = |(scene, camera): &(Scene, Camera), settings: &Settings| {
         let bvh = scene_bvh(scene, Levels::Auto);
         let surfaces = Surfaces::with_lod(scene, settings.lod);
         let picture = DevicePicture::new(&gpu, &surfaces, &bvh, camera, settings).unwrap();
-        picture.with_streams(true).is_err()
+        let reason = picture.without_streams();
+        assert_eq!(picture.with_streams(true).is_err(), reason.is_some());
+        reason
     };
     let path = settings(Integrator::Path, 2);
     let hybrid = settings(Integrator::Hybrid, 2);
-    assert!(!refused(&scenes::room(), &path));
-    assert!(!refused(&scenes::room(), &hybrid));
-    assert!(!refused(&scenes::dollhouse(), &hybrid));
-    assert!(refused(&scenes::room(), &Settings { aovs: [Aov::Direct].into_iter().collect(), ..path }));
+    assert_eq!(reason(&scenes::room(), &path), None);
+    assert_eq!(reason(&scenes::room(), &Settings { aovs: Integrator::Hybrid.aovs(), ..hybrid }), None);
+    assert_eq!(reason(&scenes::dollhouse(), &hybrid), None);
     let mut many = scenes::room();
     many.0.lights = many.0.lights.iter().cycle().take(17).cloned().collect();
-    assert!(refused(&many, &hybrid));
-    assert!(!refused(&many, &path));
+    assert_eq!(reason(&many, &hybrid), Some("more than 64 rounds of rays"));
+    assert_eq!(reason(&many, &path), None);
+}
+
+/// The kernel that shades binds 30 buffers for these paths, uniform ones included, and the one of whole samples fewer.
+fn devices_with_fewer_buffers_take_one_kernel() {
+    let (scene, camera) = of_all_materials();
+    let bvh = scene_bvh(&scene, Levels::One);
+    let settings = Settings { aovs: Integrator::Path.aovs(), ..settings(Integrator::Path, 2) };
+    let surfaces = Surfaces::with_lod(&scene, settings.lod);
+    let rendered = |gpu: &Gpu, reason: Option<&str>| {
+        let picture = DevicePicture::new(gpu, &surfaces, &bvh, &camera, &settings).unwrap();
+        assert_eq!(picture.without_streams(), reason);
+        monitored(|monitor| picture.render(vec![], monitor)).unwrap()
+    };
+    let lower = |limits| Limits { max_buffers_and_acceleration_structures_per_shader_stage: 28, ..limits };
+    let of_few = block_on(Gpu::with_limits(&Choice::Best, lower)).unwrap_or_else(|error| panic!("{error}"));
+    assert!(rendered(&of_few, Some("buffers per stage")) == rendered(&gpu(), None));
 }

@@ -111,13 +111,14 @@ fn a_picture_downloads_each_pixel_once() {
 fn pictures_larger_than_buffers_have_the_same_bits() {
     let (scene, camera) = scenes::room();
     let bvh = scene_bvh(&scene, Levels::One);
-    // By one kernel for each sample, and as streams.
-    for (integrator, aovs) in [(Integrator::Hybrid, Integrator::Hybrid.aovs()), (Integrator::Path, first_hits())] {
+    for (integrator, aovs, are_streams) in
+        [(Integrator::Hybrid, Integrator::Hybrid.aovs(), false), (Integrator::Path, first_hits(), true)]
+    {
         let device = Settings { sums: SampleSums::Device, aovs, ..settings(integrator, 40) };
         let device = Settings { width: 40, height: 30, ..device };
         let surfaces = Surfaces::with_lod(&scene, device.lod);
         let rendered = |gpu: &Gpu| {
-            let picture = DevicePicture::new(gpu, &surfaces, &bvh, &camera, &device)?;
+            let picture = DevicePicture::new(gpu, &surfaces, &bvh, &camera, &device)?.with_streams(are_streams)?;
             monitored(|monitor| picture.render(vec![], monitor))
         };
         let gpu = gpu();

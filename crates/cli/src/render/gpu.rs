@@ -73,14 +73,17 @@ impl<'a> GpuRenderer<'a> {
 }
 
 impl GpuRenderer<'_> {
-    /// What went to the GPU and came back for this picture.
-    fn traffic(&self) -> [Fact; 3] {
+    /// How the GPU took this picture, and what went there and came back.
+    fn facts(&self) -> Vec<Fact> {
         let Traffic { uploaded_bytes, n_dispatches, downloaded_bytes, .. } = self.gpu.traffic() - self.before;
-        [
+        let mut facts = vec![
             ("gpu_uploaded_bytes", json!(uploaded_bytes)),
             ("gpu_downloaded_bytes", json!(downloaded_bytes)),
             ("gpu_dispatches", json!(n_dispatches)),
-        ]
+        ];
+        facts.extend(self.picture.without_streams().map(|reason| ("gpu_without_streams", json!(reason))));
+        facts.extend(self.picture.n_exact_rays().map(|n| ("gpu_exact_rays", json!(n))));
+        facts
     }
 }
 
@@ -95,14 +98,12 @@ impl FilmRenderer for GpuRenderer<'_> {
         facts.extend(self.first_hit.map(|first_hit| ("first_hit", json!(first_hit.name()))));
         if !self.with_cpu {
             let film = self.picture.render(done, monitor).map_err(named);
-            facts.extend(self.traffic());
-            facts.extend(self.picture.n_exact_rays().map(|n| ("gpu_exact_rays", json!(n))));
+            facts.extend(self.facts());
             return film;
         }
         let SharedFilm { film, n_tiles_of_device, stopped } =
             self.picture.render_with_cpu(done, monitor).map_err(named)?;
-        facts.extend(self.traffic());
-        facts.extend(self.picture.n_exact_rays().map(|n| ("gpu_exact_rays", json!(n))));
+        facts.extend(self.facts());
         facts.push(("gpu_tiles", json!(n_tiles_of_device)));
         if let Some(error) = stopped {
             let name = &self.gpu.info().name;

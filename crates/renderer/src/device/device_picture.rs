@@ -55,8 +55,8 @@ pub struct DevicePicture<'a> {
     filter_table: Option<Buffer<f32>>,
     /// The variant of the light kernel, but for how it finds first hits.
     pub(super) chosen: Variant,
-    /// Whether its rays can be traced as streams.
-    can_stream: bool,
+    /// Why its rays cannot be traced as streams; `None` if they can.
+    no_streams: Option<&'static str>,
     n_exact_rays: AtomicU64,
     pace: Arc<Pace>,
     pub(super) kernels: RenderKernels,
@@ -73,7 +73,7 @@ fn changes_albedo(lobes: &Lobes) -> bool {
     *specular_color != [1.0; 3] || specular_color_texture.is_some() || specular_texture.is_some() || *iridescence > 0.0
 }
 
-/// Most rounds of streams: rounds in which no sample is left cost dispatches, too.
+/// Most rounds of streams, which [`no_streams`] names: rounds in which no sample is left cost dispatches, too.
 const MOST_ROUNDS: u32 = 64;
 
 /// Samples of a frame of a sequence up to which one kernel takes each with all its rays: streams of so few cost more in dispatches than they save (the Fox,
@@ -103,10 +103,14 @@ fn n_rounds(scene: &Scene, settings: &Settings) -> u32 {
     }
 }
 
-/// Whether the rays of a picture can be traced as streams, as far as device, scene and settings say.
-fn can_stream(gpu: &Gpu, scene: &Scene, settings: &Settings) -> bool {
-    let keeps_parts = settings.aovs.has_components() || settings.aovs.has_factors();
-    n_rounds(scene, settings) <= MOST_ROUNDS && !keeps_parts && StreamKernels::max_groups(gpu, &Pace::default()) > 0
+/// Why the rays of a picture cannot be traced as streams, as far as device, scene and settings say; `None` if they can.
+fn no_streams(gpu: &Gpu, (scene, traced): (&Scene, &TracedScene), settings: &Settings) -> Option<&'static str> {
+    let reasons = [
+        (traced.has_curves(), "curves"),
+        (n_rounds(scene, settings) > MOST_ROUNDS, "more than 64 rounds of rays"),
+        (StreamKernels::max_groups(gpu, &Pace::default()) == 0, "the size of storage buffers"),
+    ];
+    reasons.into_iter().find(|(is_one, _)| *is_one).map(|(_, reason)| reason)
 }
 
 /// Work-groups that take all samples of a picture.
@@ -251,13 +255,18 @@ impl<'a> DevicePicture<'a> {
             Integrator::Hybrid => chosen.clone().with(choice::First::Trace),
             Integrator::Path => chosen.clone(),
         };
-        let can_stream = can_stream(gpu, scene, settings) && !traced.has_curves();
-        let light = match (can_stream && wanted.streams)
-            .then(|| streams(gpu, &chosen, (scene, &packed, &traced), settings, wanted.few_rounds))
-        {
-            // The kernel that shades takes more storage buffers, also than the one that ends samples.
-            None | Some(Err(GpuError::Limit { .. })) => LightKernels::Whole(gpu.kernel(kernel, &light)?),
-            Some(kernels) => kernels?,
+        let no_streams = no_streams(gpu, (scene, &traced), settings);
+        let made = match no_streams.or((!wanted.streams).then_some("few samples in a frame")) {
+            Some(reason) => Err(reason),
+            None => match streams(gpu, &chosen, (scene, &packed, &traced), settings, wanted.few_rounds) {
+                // The kernel that shades takes more storage buffers, also than the one that ends samples.
+                Err(GpuError::Limit { limit, .. }) => Err(limit),
+                made => Ok(made?),
+            },
+        };
+        let light = match made {
+            Ok(kernels) => kernels,
+            Err(reason) => LightKernels::Whole(gpu.kernel(kernel, &light)?, reason),
         };
         let sums = || SumKernels::new(gpu, &chosen, settings.aovs);
         let sums = (settings.sums == SampleSums::Device).then(sums).transpose()?;
@@ -275,7 +284,7 @@ impl<'a> DevicePicture<'a> {
             picture,
             filter_table,
             chosen,
-            can_stream,
+            no_streams,
             n_exact_rays: AtomicU64::new(0),
             pace: Arc::default(),
             kernels,
@@ -291,20 +300,21 @@ impl<'a> DevicePicture<'a> {
     /// The same picture with its rays traced as streams or within one kernel, to compare both.
     ///
     /// # Errors
-    /// Streams of a picture that has none: of scenes with curves, of many bounces or lights, and with parts of the light; a limit of the device.
+    /// Streams of a picture that has none: of scenes with curves, and of many bounces or lights; a limit of the device.
     #[doc(hidden)]
     pub fn with_streams(self, are_wanted: bool) -> Result<Self, DeviceError> {
-        if are_wanted && !self.can_stream {
+        if are_wanted && self.no_streams.is_some() {
             return Err(DeviceError::Unsupported { what: "this picture as streams of rays" });
         }
         let light = if are_wanted {
             self.streams(None)?
         } else {
             let chosen = self.chosen.clone();
-            LightKernels::Whole(match self.settings.integrator {
+            let kernel = match self.settings.integrator {
                 Integrator::Path => self.gpu.kernel(wgsl::render::PATH, &chosen)?,
                 Integrator::Hybrid => self.gpu.kernel(wgsl::render::HYBRID, &chosen.with(choice::First::Trace))?,
-            })
+            };
+            LightKernels::Whole(kernel, "a comparison")
         };
         Ok(self.with_kernels(light, None))
     }
@@ -333,6 +343,15 @@ impl<'a> DevicePicture<'a> {
         Self { pace: Arc::new(pace), ..self }
     }
 
+    /// Why one kernel takes each sample with all its rays: what prevents streams of rays, or takes longer with them; `None` where rays are traced as streams.
+    #[must_use]
+    pub fn without_streams(&self) -> Option<&'static str> {
+        match &self.kernels.light {
+            LightKernels::Whole(_, reason) => Some(reason),
+            LightKernels::Streams(_) => None,
+        }
+    }
+
     /// How many rays exact arithmetic decided in pictures so far; `None` where it traces all, as where an invocation traces the rays of a whole sample or the
     /// rest of one.
     #[must_use]
@@ -349,7 +368,7 @@ impl<'a> DevicePicture<'a> {
     #[must_use]
     pub fn buffers(&self) -> Vec<(&str, u64)> {
         let by_queries = match &self.kernels.light {
-            LightKernels::Whole(_) => vec![],
+            LightKernels::Whole(..) => vec![],
             LightKernels::Streams(kernels) if kernels.has_queries() => self.traced.bindings(),
             LightKernels::Streams(_) => vec![],
         };

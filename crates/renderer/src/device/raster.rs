@@ -180,7 +180,7 @@ impl DevicePicture<'_> {
         let first_seen = Some(self.gpu.buffer("first hits", &seen)?);
         let chosen = self.chosen.clone().with(choice::First::Raster);
         let light = self.gpu.kernel(wgsl::render::HYBRID, &chosen)?;
-        Ok((self.with_kernels(LightKernels::Whole(light), first_seen), surfaces.time))
+        Ok((self.with_kernels(LightKernels::Whole(light, "a raster pass"), first_seen), surfaces.time))
     }
 
     /// The faster way, measured over a part of the picture. Small and fast pictures are traced: they gain less than the measurement takes.

@@ -212,8 +212,8 @@ pub(super) struct RenderKernels {
 /// How radiance is computed.
 #[derive(Clone)]
 pub(super) enum LightKernels {
-    /// One invocation traces all rays of a sample.
-    Whole(Arc<Kernel>),
+    /// One invocation traces all rays of a sample, for this reason.
+    Whole(Arc<Kernel>, &'static str),
     /// Rays of many samples are traced together.
     Streams(StreamKernels),
 }
@@ -224,7 +224,7 @@ impl RenderKernels {
         let limit = gpu.limits().max_storage_buffer_binding_size;
         let max = u32::try_from(limit / (CELL_PIXELS * Records::n_bytes(aovs)) as u64).unwrap_or(u32::MAX);
         match &self.light {
-            LightKernels::Whole(_) => max,
+            LightKernels::Whole(..) => max,
             LightKernels::Streams(_) => max.min(StreamKernels::max_groups(gpu, pace)),
         }
     }
@@ -232,7 +232,7 @@ impl RenderKernels {
     /// Whether a kernel binds a variable of this name.
     pub(super) fn binds(&self, name: &str) -> bool {
         let of_light = match &self.light {
-            LightKernels::Whole(kernel) => vec![kernel],
+            LightKernels::Whole(kernel, _) => vec![kernel],
             LightKernels::Streams(kernels) => kernels.all().collect(),
         };
         let binds = |kernel: &Arc<Kernel>| kernel.bindings().iter().any(|binding| binding.name == name);
@@ -262,7 +262,7 @@ impl ReadyKernels {
     ) -> Result<Self, GpuError> {
         let RenderKernels { light, guide, sums } = kernels;
         let light = match light {
-            LightKernels::Whole(kernel) => ReadyLight::Whole(kernel),
+            LightKernels::Whole(kernel, _) => ReadyLight::Whole(kernel),
             LightKernels::Streams(kernels) => {
                 let n = n_groups as usize * CELL_PIXELS;
                 ReadyLight::Streams(Box::new(Streams::new(gpu, traced, (kernels, pace.clone()), n)?))
