@@ -254,7 +254,7 @@ fn what_devices_do_not_draw_is_refused_by_name() {
         let bvh = scene_bvh(&scene, Levels::Auto);
         let surfaces = Surfaces::with_lod(&scene, settings.lod);
         match DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings) {
-            Ok(picture) if picture.without_streams() != Some("curves") => panic!("curves have no streams"),
+            Ok(picture) if picture.without_streams() != Some("curves or patches") => panic!("curves have no streams"),
             Ok(picture) => match picture.with_first_hit(FirstHit::Raster) {
                 Ok(_) => panic!("it is drawn"),
                 Err(error) => error.to_string(),

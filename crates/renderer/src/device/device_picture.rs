@@ -81,7 +81,7 @@ const MOST_ROUNDS: u32 = 64;
 const SMALL_FRAME: u32 = 1 << 16;
 
 /// Samples of a frame up to which one kernel traces what the first round of rays leaves, so that a frame takes at most 20 dispatches with its rebuild, and two
-/// more where the device sums samples, four with AOVs. That kernel decides rays exactly, so in larger frames it would cost more than the dispatches of further rounds.
+/// more for each of light, AOVs, light in parts and at the first surface that the device sums. That kernel decides rays exactly, so in larger frames it would cost more than the dispatches of further rounds.
 const MEDIUM_FRAME: u32 = 1 << 18;
 
 /// Rounds of rays in such a frame.
@@ -106,7 +106,7 @@ fn n_rounds(scene: &Scene, settings: &Settings) -> u32 {
 /// Why the rays of a picture cannot be traced as streams, as far as device, scene and settings say; `None` if they can.
 fn no_streams(gpu: &Gpu, (scene, traced): (&Scene, &TracedScene), settings: &Settings) -> Option<&'static str> {
     let reasons = [
-        (traced.has_curves(), "curves"),
+        (traced.has_curves(), "curves or patches"),
         (n_rounds(scene, settings) > MOST_ROUNDS, "more than 64 rounds of rays"),
         (StreamKernels::max_groups(gpu, &Pace::default()) == 0, "the size of storage buffers"),
     ];
@@ -300,7 +300,7 @@ impl<'a> DevicePicture<'a> {
     /// The same picture with its rays traced as streams or within one kernel, to compare both.
     ///
     /// # Errors
-    /// Streams of a picture that has none: of scenes with curves, and of many bounces or lights; a limit of the device.
+    /// Streams of a picture that has none: of scenes with curves or patches, and of many bounces or lights; a limit of the device.
     #[doc(hidden)]
     pub fn with_streams(self, are_wanted: bool) -> Result<Self, DeviceError> {
         if are_wanted && self.no_streams.is_some() {
