@@ -7,8 +7,8 @@
 //
 // `?integrator` says what a sample does with the answers to its rays. A shadow ray and the onward ray of the same surface are traced at the same time; light is
 // added in the order of `render/path` and `render/hybrid`, so a sample has the same bits. Samples that go on, rays and shadow rays are lists of indices:
-// a dispatch has invocations for those alone. The states lie in the order of samples. A sample
-// is kept when it is done; until then it is one that no kernel finished. Its light in parts is kept after each step, and the next one adds to that.
+// a dispatch has invocations for those alone. The states lie in the order of samples. A sample is kept when it is done; until then it is one that
+// no kernel finished. Its light in parts is kept after each step, and the next one adds to that.
 // use shared/invocation/index
 // use shared/invocation/incomplete
 // use shared/ray

@@ -89,5 +89,6 @@ pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), G
     check(storage, limits.max_storage_buffers_per_shader_stage, "storage buffers per stage")?;
     let uniform = count(|kind| matches!(kind, BindingKind::Uniform));
     check(uniform, limits.max_uniform_buffers_per_shader_stage, "uniform buffers per stage")?;
-    check(storage + uniform, limits.max_buffers_and_acceleration_structures_per_shader_stage, "buffers per stage")
+    let buffers = storage + uniform + count(|kind| matches!(kind, BindingKind::AccelerationStructure));
+    check(buffers, limits.max_buffers_and_acceleration_structures_per_shader_stage, "buffers per stage")
 }

@@ -99,10 +99,11 @@
 //! | limit of the device | required |
 //! |---|---|
 //! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 of those of your kernel: see [`Gpu::check_module`] |
+//! | `max_buffers_and_acceleration_structures_per_shader_stage` | the sum of storage and uniform buffers, and of acceleration structures: the default is enough but for pictures |
 //! | `max_storage_buffer_binding_size` | bounds the number of triangles: see [`DeviceBvh`] |
 //!
-//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 31 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
-//! the scene. What exceeds a limit is reported by [`GpuError::Limit`].
+//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 31
+//! ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on the scene. What exceeds a limit is reported by [`GpuError::Limit`].
 //!
 //! # Motion blur
 //!

@@ -92,9 +92,20 @@ mod tests {
 
     #[test]
     fn up_never_rounds_down() {
-        for x in
-            [0.0, 1.0, 1.0 + f64::EPSILON, 0.1, 1e-50, -1e-50, -2e-45, 16_777_217.0, 3.0e38, 1e39, -1.0 - f64::EPSILON]
-        {
+        for x in [
+            0.0,
+            1.0,
+            1.0 + f64::EPSILON,
+            0.1,
+            1e-50,
+            -1e-50,
+            -1e-45,
+            -2e-45,
+            16_777_217.0,
+            3.0e38,
+            1e39,
+            -1.0 - f64::EPSILON,
+        ] {
             let bound = up(x);
             assert!(f64::from(bound) >= x && f64::from(bound.next_down()) < x, "{x}");
             assert_eq!(magnitude_up(x.abs()), up(x.abs()), "{x}");

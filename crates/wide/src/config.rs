@@ -43,7 +43,7 @@ pub struct Config {
     pub groups: Option<GroupConfig>,
     /// Builder of a binary tree with a primitive per leaf.
     pub builder: Builder,
-    /// A second such builder; its tree is taken where its predicted cost is lower.
+    /// A second such builder, used where `builder` is; its tree is taken where its predicted cost is lower.
     pub alternative_builder: Option<Builder>,
     /// Whether nodes may be oriented.
     pub oriented: bool,

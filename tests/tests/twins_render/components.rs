@@ -184,8 +184,8 @@ pub(crate) fn has_light(film: &Film) -> bool {
     (0..3).all(in_part)
 }
 
-/// Boxes that reflect `1e21` of the brightest sun that a device knows, up to `3e38`, and as much of what the walls reflect to them: in many samples each part is
-/// an `f32`, and their sum is not.
+/// Boxes that reflect `1e21` of the brightest sun that a device supports, up to `3e38`, and as much of what the walls reflect to them: in many
+/// samples each part is an `f32`, and their sum is not.
 pub(crate) fn too_bright() -> (Scene, Camera) {
     let (mut scene, camera) = scenes::room();
     scene.materials[1].base_color = [1e21, 0.2, 0.1];

@@ -55,7 +55,7 @@ pub struct DevicePicture<'a> {
     filter_table: Option<Buffer<f32>>,
     /// The variant of the light kernel, but for how it finds first hits.
     pub(super) chosen: Variant,
-    /// Why its rays cannot be traced as streams; `None` if they can.
+    /// What of the scene and the settings prevents streams of rays; `None` if nothing does. A limit of the device may, too.
     no_streams: Option<&'static str>,
     n_exact_rays: AtomicU64,
     pace: Arc<Pace>,
@@ -80,8 +80,9 @@ const MOST_ROUNDS: u32 = 64;
 /// one sample of 200 x 112 pixels and four: 0.45 and 2.8 s, as streams 1.0 and 2.7 s; llvmpipe, loaded machine, 2026-11-29).
 const SMALL_FRAME: u32 = 1 << 16;
 
-/// Samples of a frame up to which one kernel traces what the first round of rays leaves, so that a frame takes at most 20 dispatches with its rebuild, and two
-/// more for each of light, AOVs, light in parts and at the first surface that the device sums. That kernel decides rays exactly, so in larger frames it would cost more than the dispatches of further rounds.
+/// Samples of a frame up to which one kernel traces what the first round of rays leaves, so that a frame takes at most 20 dispatches with its rebuild,
+/// and two more for each of light, AOVs, light in parts and at the first surface that the device sums. That kernel decides rays exactly, so in larger
+/// frames it would cost more than the dispatches of further rounds.
 const MEDIUM_FRAME: u32 = 1 << 18;
 
 /// Rounds of rays in such a frame.
@@ -343,7 +344,8 @@ impl<'a> DevicePicture<'a> {
         Self { pace: Arc::new(pace), ..self }
     }
 
-    /// Why one kernel takes each sample with all its rays: what prevents streams of rays, or takes longer with them; `None` where rays are traced as streams.
+    /// Why one kernel takes each sample with all its rays: what prevents streams of rays, or takes longer with them; `None` where rays are traced as
+    /// streams.
     #[must_use]
     pub fn without_streams(&self) -> Option<&'static str> {
         match &self.kernels.light {

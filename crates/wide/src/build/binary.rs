@@ -1,8 +1,8 @@
 //! Which binary tree is collapsed, in which frame its boxes are aligned, and whether nodes may be oriented.
 //!
 //! A tree over groups of primitives is quick to build and good for aligned nodes. Only where a sample of its subtrees shows
-//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them; over other primitives than triangles, the same tree
-//! with its groups of two divided.
+//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them; over other primitives than triangles, the same
+//! tree with its groups of two divided.
 //!
 //! Frames and their plan take longer than all the rest of a quick build, and on scans, terrain and architecture the plan then
 //! has few oriented nodes or none. So subtrees are sampled, in proportion to their cost; each is built again with a
@@ -205,7 +205,7 @@ fn refined(tree: &Tree, Groups { primitives, starts, .. }: &Groups) -> Option<Tr
     }
     // Nodes over groups of two have the numbers after all others.
     let n_nodes = tree.nodes.len();
-    let refined = |child: Child| match child.kind() {
+    let below = |child: Child| match child.kind() {
         ChildKind::Leaf(group) if starts[group as usize + 1] - starts[group as usize] == 1 => {
             Child::leaf(starts[group as usize])
         }
@@ -213,10 +213,10 @@ fn refined(tree: &Tree, Groups { primitives, starts, .. }: &Groups) -> Option<Tr
         ChildKind::Inner(_) => child,
     };
     let children = |id: NodeId| match tree.nodes.get(id.index()) {
-        Some(node) => [refined(node.left), refined(node.right)],
+        Some(node) => [below(node.left), below(node.right)],
         None => [0, 1].map(|i| Child::leaf(starts[id.index() - n_nodes] + i)),
     };
-    let ChildKind::Inner(root) = refined(tree.root()?).kind() else { return None };
+    let ChildKind::Inner(root) = below(tree.root()?).kind() else { return None };
     Some(Tree::numbered(primitives.len(), root, children, |place| primitives[place as usize]))
 }
 

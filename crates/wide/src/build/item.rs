@@ -14,8 +14,8 @@ const CHUNK: usize = 1 << 13;
 
 /// The vertices of a triangle, or a primitive of the caller.
 pub(crate) trait Item: Copy + Send + Sync {
-    /// Whether oriented nodes are fitted to the tree of groups of two with its groups divided, instead of one of the builders: of curves it takes half
-    /// the time and has fewer nodes a ray (`benches/TRIED.md`).
+    /// Whether oriented nodes are fitted to the tree of groups of two with its groups divided, instead of one of the builders: over curves and spheres
+    /// it takes half the time and has fewer nodes a ray (`benches/TRIED.md`); over other shapes it was not measured.
     const REFINES_GROUPS: bool;
 
     /// Relative to this point of object space; the item is not moved yet.

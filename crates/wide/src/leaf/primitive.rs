@@ -113,9 +113,9 @@ pub trait Primitive: Send + Sync {
     /// from the ball, whatever [`Primitive::ERROR`] is; otherwise hits are lost. Where there is one, `HULL` is not used.
     const BALL: Option<fn(&Self) -> Sphere> = None;
 
-    /// Four balls, each a center and a radius, whose convex hull is about the primitive: where a type has them, the frames of oriented boxes are compared
-    /// by them instead of by [`Primitive::moments`] and [`Primitive::extent_along`], which makes builds several times as fast. What boxes contain, and
-    /// hits, do not depend on them.
+    /// Four balls in object space, each a center and a radius, whose convex hull is approximately the primitive: where a type has them, frames of
+    /// oriented boxes are compared by them instead of by [`Primitive::moments`] and [`Primitive::extent_along`], which halves the time of builds of
+    /// curves. What boxes contain, and hits, do not depend on them.
     const FIT_BALLS: Option<fn(&Self) -> FourBalls> = None;
 
     /// Whether the primitive is its [`Primitive::BALL`] or [`Primitive::HULL`], and [`Primitive::intersect`] reports where a ray enters it and misses
@@ -247,7 +247,7 @@ impl<P: Primitive> Primitives for Vec<P> {
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<'a> {
     pub(crate) primitive: &'a dyn Bounded,
-    /// Its own, which are not moved: kept, since every box around it needs them.
+    /// [`Primitive::bounds`], in object space, computed once.
     pub(crate) bounds: Aabb,
     pub(crate) reference: ReferencePoint,
 }

@@ -10,6 +10,7 @@ use canted_obb::{Aabb, Moments};
 use canted_trace::{RibbonCubic, RibbonPoint, RibbonSegment, RoundCubic, RoundSegment, ScaledRay, Side};
 
 use super::primitive::{FourBalls, Primitive, PrimitiveHit, SavedPrimitive};
+use super::shapes::{balls_of_cubic, balls_of_segment};
 
 /// The tube with the same silhouette.
 fn segment_around(ribbon: &RibbonSegment) -> RoundSegment {
@@ -32,10 +33,7 @@ impl Primitive for RibbonSegment {
     const MAX_LEAF: usize = 8;
     const COST: f32 = 6.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(segment_around);
-    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = match RoundSegment::FIT_BALLS {
-        Some(_) => Some(|ribbon| RoundSegment::FIT_BALLS.expect("tubes have them")(&segment_around(ribbon))),
-        None => None,
-    };
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(|ribbon| balls_of_segment(&segment_around(ribbon)));
 
     fn bounds(&self) -> Aabb {
         if !self.next.iter().all(|x| x.is_finite()) {
@@ -80,10 +78,7 @@ impl Primitive for RibbonCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
-    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = match RoundCubic::FIT_BALLS {
-        Some(_) => Some(|ribbon| RoundCubic::FIT_BALLS.expect("tubes have them")(&cubic_around(ribbon))),
-        None => None,
-    };
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(|ribbon| balls_of_cubic(&cubic_around(ribbon)));
 
     fn bounds(&self) -> Aabb {
         if !self.next.iter().all(|x| x.is_finite()) {

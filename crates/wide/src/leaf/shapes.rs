@@ -60,10 +60,7 @@ impl Primitive for RoundSegment {
     const MAX_LEAF: usize = 8;
     const COST: f32 = 4.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(|segment| *segment);
-    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(|segment| {
-        let [a, b] = segment.to_data();
-        [a, b, a, b]
-    });
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(balls_of_segment);
     const IS_HULL: bool = true;
 
     fn bounds(&self) -> Aabb {
@@ -118,7 +115,7 @@ impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
     const COST: f32 = 20.0;
-    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(fit_balls);
+    const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(balls_of_cubic);
 
     fn bounds(&self) -> Aabb {
         if !self.points.as_flattened().iter().chain(&self.radii).all(|x| x.is_finite()) {
@@ -146,8 +143,14 @@ impl Primitive for RoundCubic {
     }
 }
 
+/// Both ends, twice.
+pub(super) fn balls_of_segment(segment: &RoundSegment) -> FourBalls {
+    let [a, b] = segment.to_data();
+    [a, b, a, b]
+}
+
 /// Ends, and the inner control balls of the halves that are next to the middle: as high as a curve whose bulge is a parabola.
-fn fit_balls(curve: &RoundCubic) -> FourBalls {
+pub(super) fn balls_of_cubic(curve: &RoundCubic) -> FourBalls {
     let [a, b, c, d] = curve.to_data();
     let mut balls = [a, b, c, d];
     for k in 0..4 {

@@ -161,7 +161,7 @@ impl<'a> Iterator for Blocks<'a> {
     }
 }
 
-/// Prefetches the first block of a leaf: two half-blocks, which are five lines of the cache.
+/// Prefetches the first block of a leaf: two half-blocks, in five lines of the cache. Where there is a sixth, it has ids alone.
 #[inline(always)]
 pub(crate) fn prefetch_block<S: Simd>(simd: S, halves: &[HalfBlock], first: u32) {
     const WORDS_OF_A_LINE: usize = 16;

@@ -52,8 +52,8 @@ pub(super) struct RayRows {
 /// A ray that is read number by number from [`RayRows`] is collected by gathers on AVX-512, which take as long as three nodes.
 #[derive(Clone, Copy)]
 struct OneRay {
-    /// Reciprocals of the direction in the mesh frame, its near planes' products, the start of the interval, the reciprocal of the direction's greatest
-    /// component.
+    /// Reciprocals of the direction in the mesh frame, near planes' products, the start of the interval, the reciprocal of the direction's
+    /// greatest component.
     near: [f32; 8],
     /// The far planes' products, the origin relative to the reference point, the pad of oriented boxes, the direction's greatest
     /// component.
@@ -550,7 +550,8 @@ mod tests {
         let scaled_rows = [scaled.origin, scaled.direction, [scaled.t_min, scaled.t_max, scaled.time]];
         let numbers = rows.iter().chain(&scaled_rows).flatten().map(|x| u64::from(x.to_bits()));
         let interval = scaled.exact_interval().map(f64::to_bits);
-        numbers.chain(interval).chain([scaled.scale().to_bits(), scaled.mask.into()]).collect()
+        let near_row = n.near_row.map(|row| row as u64);
+        numbers.chain(interval).chain([scaled.scale().to_bits(), scaled.mask.into()]).chain(near_row).collect()
     }
 
     /// A number of any size, or one of those that need care.

@@ -68,7 +68,7 @@ impl<'a, S: Simd> RayGroup<'a, S> {
             }
             let ([r_near, r_far], [o_near, o_far]) = if flipped[k] { ([r[1], r[0]], o) } else { (r, [o[1], o[0]]) };
             (recip_near[k], recip_far[k]) = (r_near, r_far);
-            (near[k], far[k]) = (o_near * r_near, o_far * r_far);
+            (near[k], far[k]) = (-o_near * r_near, -o_far * r_far);
         }
         let t_min = simd.min(simd.load(&a.lanes.t_min), simd.load(&b.lanes.t_min));
         Some(Self {
@@ -181,12 +181,12 @@ impl<'a, S: Simd> RayGroup<'a, S> {
 
     #[inline(always)]
     fn near_plane(&self, simd: S, rows: &[Row; 8], k: usize) -> S::F {
-        simd.mul_sub(simd.load(&rows[2 * k + usize::from(self.flipped[k])]), self.recip_near[k], self.near[k])
+        simd.mul_add(simd.load(&rows[2 * k + usize::from(self.flipped[k])]), self.recip_near[k], self.near[k])
     }
 
     #[inline(always)]
     fn far_plane(&self, simd: S, rows: &[Row; 8], k: usize) -> S::F {
-        simd.mul_sub(simd.load(&rows[2 * k + usize::from(!self.flipped[k])]), self.recip_far[k], self.far[k])
+        simd.mul_add(simd.load(&rows[2 * k + usize::from(!self.flipped[k])]), self.recip_far[k], self.far[k])
     }
 
     /// Which rays enter the box in a slot of a node, each by its own numbers.

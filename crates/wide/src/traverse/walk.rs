@@ -128,8 +128,8 @@ fn walk_nodes<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
     }
 }
 
-/// Fewest lines of nodes for which children are prefetched: 1 MiB. With their leaves, three to four times that exceed the cache of a core, which holds 1
-/// or 2 MiB. In smaller BVHs prefetching costs up to 4 %; half a million triangles gain 10 to 22 % (benches/TRIED.md).
+/// Fewest lines of nodes for which children are prefetched: 1 MiB. With their leaves, which take two to three times as much, they exceed the cache of
+/// a core. In smaller BVHs prefetching costs up to 4 %; half a million triangles gain 9 to 23 % (benches/TRIED.md).
 const LARGE: usize = 1 << 14;
 
 /// Prefetches these children, of which the nearest is visited while the others arrive.

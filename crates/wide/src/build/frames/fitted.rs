@@ -1,5 +1,5 @@
-//! What frames are fitted to: triangles, and balls of primitives of the caller that have them, in leaf order, scaled and near the origin, in four lanes each;
-//! other primitives with extents and principal axes as they report them.
+//! What frames are fitted to: triangles, and balls of primitives of the caller that have them, in leaf order, scaled and near the origin, in four
+//! lanes each; other primitives with extents and principal axes as they report them.
 
 use canted_lbvh::Corners;
 use canted_obb::{Moments, eigen};
@@ -24,7 +24,8 @@ pub(crate) trait Fitted: Send + Sync + Sized {
     fn extents<const N: usize>(items: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N];
 }
 
-/// The principal axes, where they are finite. Exact axes of segments predict so little for leaves of several that there are too many: 0.92 to 0.98 of the rays.
+/// The principal axes, where they are finite. Coarse ones: with exact axes the plan has more leaves of several segments, and 0.92 to 0.98 of the rays
+/// a second.
 pub(super) fn principal_frame(moments: &Moments) -> Option<[Vec3A; 3]> {
     let rows = to_glam(moments.axes(eigen::COARSE));
     rows.iter().all(|row| row.is_finite()).then_some(rows)
@@ -187,12 +188,22 @@ impl ScaledBalls {
     }
 }
 
+#[cfg(test)]
+impl ScaledBalls {
+    /// Overwrites a ball by another.
+    pub(crate) fn copy_ball(&mut self, from: usize, to: usize) {
+        for row in self.centers.iter_mut().chain([&mut self.radii]) {
+            row[to] = row[from];
+        }
+    }
+}
+
 fn center([x, y, z, _]: [f32; 4]) -> [f32; 3] {
     [x, y, z]
 }
 
 impl Fitted for ScaledBalls {
-    /// Of the centers.
+    /// Of the centers. [`Moments::from_points`] adds one point after the other, with a division each.
     fn moments(&self) -> Moments {
         let (mut mean, mut apart) = ([0.0; 3], [[0.0; 4]; 3]);
         for k in 0..3 {
