@@ -3,7 +3,7 @@
 //! Every step runs, even after a failure. Tests run last, so that the output ends with their count.
 
 use std::{
-    env, fs,
+    fs,
     process::Command,
     time::{Duration, Instant},
 };
@@ -246,9 +246,7 @@ fn short_render() -> Result<End> {
     if !succeeds(&mut cargo(&["test", "--workspace", "--no-run"]))? {
         return Ok(End::of(false));
     }
-    let program =
-        command::root().join(command::target()).join("debug").join(format!("canted{}", env::consts::EXE_SUFFIX));
-    let mut render = Command::new(program);
+    let mut render = Command::new(command::built("canted"));
     render.args(["render", "--spp", "1", "--size", &format!("{}x{}", SIZE[0], SIZE[1]), "--output"]).arg(&picture);
     if !succeeds(render.current_dir(command::root()))? {
         return Ok(End::of(false));

@@ -107,6 +107,11 @@ pub(crate) fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
+/// A program of the workspace, as cargo builds it for tests.
+pub(crate) fn built(name: &str) -> PathBuf {
+    root().join(target()).join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+}
+
 /// The optional folder of real models: `CANTED_SCENES`, else `../shared/scenes`.
 pub(crate) fn models() -> PathBuf {
     std::env::var_os("CANTED_SCENES").map_or_else(|| root().join("../shared/scenes"), PathBuf::from)

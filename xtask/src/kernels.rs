@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     bench::KEEP,
-    command::{self, cargo, say},
+    command::{self, cargo, say, succeeds},
 };
 
 /// The recorded table, in the form of `--json`.
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
 /// Compares kernels of the first family with the recorded table, without the exact ones for instances: these and other families take most of the minutes,
 /// and what becomes costlier there does so elsewhere, too.
 pub(crate) fn check() -> Result<Outcome> {
-    Ok(match measured(&FAMILIES[..1], &["--", "--quick"])? {
+    Ok(match measured(&FAMILIES[..1], &["--quick"])? {
         Measured::Rows(rows) => compared(&recorded()?, &rows),
         Measured::Missing { missing } => Outcome::Undecided(missing),
     })
@@ -117,14 +117,18 @@ pub(crate) fn check() -> Result<Outcome> {
 
 /// Compiles kernels for each of `families`, those that the arguments of the program ask for.
 fn measured(families: &[&str], args: &[&str]) -> Result<Measured> {
+    // With the features that tests of the workspace are built with: for the program alone, naga would be compiled once more.
+    ensure!(
+        succeeds(&mut cargo(&["build", "--quiet", "--workspace", "--bin", "canted-kernels"]))?,
+        "canted-kernels does not build"
+    );
     let mut all = vec![];
     for family in families {
-        let mut command = cargo(&["run", "--quiet", "--package", "canted-kernels"]);
-        command.args(args);
+        let mut command = command::program(command::built("canted-kernels"), args);
         with_radv(&mut command);
         // Drivers keep what they compiled, without its statistics.
         command.env("RADV_FORCE_FAMILY", family).env("MESA_SHADER_CACHE_DISABLE", "true");
-        let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
+        let output = command.stderr(Stdio::inherit()).output().context("cannot start canted-kernels")?;
         ensure!(output.status.success(), "canted-kernels failed for {family}: {}", output.status);
         match serde_json::from_slice(&output.stdout).context("canted-kernels wrote something else than its list")? {
             Measured::Rows(rows) => all.extend(rows),
