@@ -1,6 +1,7 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
 
 use canted_shaders::{
     BindingKind, MAX_STORAGE_BUFFERS, MODULE_BUFFERS, ModuleOptions, Shader, ShaderName, ShaderStage, Variant, choice,
@@ -16,11 +17,18 @@ fn choices(kernel: ShaderName) -> Vec<Variant> {
     variants(kernel).unwrap_or_else(|error| panic!("{error}"))
 }
 
+/// Every kernel with each of its choices, assembled and validated once for all tests.
+static SHADERS: LazyLock<Vec<(ShaderName, Vec<(Variant, Shader)>)>> = LazyLock::new(|| {
+    let shader = |kernel, chosen: &Variant| Shader::new(kernel, chosen).unwrap_or_else(|error| panic!("{error}"));
+    let all = |kernel| choices(kernel).into_iter().map(|chosen| (chosen.clone(), shader(kernel, &chosen))).collect();
+    kernels().map(|kernel| (kernel, all(kernel))).collect()
+});
+
 #[test]
 fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
-    for kernel in kernels() {
-        for chosen in choices(kernel) {
-            let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
+    for (kernel, shaders) in &*SHADERS {
+        assert!(!shaders.is_empty(), "{kernel}");
+        for (_, shader) in shaders {
             assert!(!shader.entries.is_empty(), "{kernel} has no entry point");
             for entry in &shader.entries {
                 let is_compute = entry.stage == ShaderStage::Compute;
@@ -48,28 +56,28 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
 #[test]
 fn no_kernel_has_places_for_more_storage_buffers_than_hosts_request() {
     let is_storage = |kind: &BindingKind| matches!(kind, BindingKind::Storage { .. });
-    let n_places = |kernel: ShaderName| {
-        let shader = |chosen| Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
-        let entries = choices(kernel).into_iter().map(shader).flat_map(|shader| shader.entries);
-        let bound = entries.flat_map(|entry| entry.bindings).filter(|binding| is_storage(&binding.kind));
+    let n_places = |(_, shaders): &(ShaderName, Vec<(Variant, Shader)>)| {
+        let entries = shaders.iter().flat_map(|(_, shader)| &shader.entries);
+        let bound = entries.flat_map(|entry| &entry.bindings).filter(|binding| is_storage(&binding.kind));
         bound.map(|binding| (binding.group, binding.number)).collect::<BTreeSet<_>>().len()
     };
-    assert_eq!(kernels().map(n_places).max(), Some(MAX_STORAGE_BUFFERS as usize));
+    assert_eq!(SHADERS.iter().map(n_places).max(), Some(MAX_STORAGE_BUFFERS as usize));
 }
 
 #[test]
 fn light_in_parts_is_bound_only_where_it_is_kept() {
     use wgsl::render::{HYBRID, PATH, stream};
-    for kernel in [HYBRID, PATH, stream::START, stream::SHADE, stream::REST] {
+    let keep = [HYBRID, PATH, stream::START, stream::SHADE, stream::REST];
+    assert_eq!(SHADERS.iter().filter(|(kernel, _)| keep.contains(kernel)).count(), keep.len());
+    for (kernel, shaders) in SHADERS.iter().filter(|(kernel, _)| keep.contains(kernel)) {
         let mut n_kept = [0; 2];
-        for chosen in choices(kernel) {
-            let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
+        for (chosen, shader) in shaders {
             let binds = |name| shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == name);
             let are_kept = [chosen.has(choice::Components::Three), chosen.has(choice::FirstLight::Four)];
             assert_eq!([binds("components"), binds("first_light")], are_kept, "{kernel}: {chosen:?}");
             n_kept = std::array::from_fn(|k| n_kept[k] + u32::from(are_kept[k]));
         }
-        assert_eq!(n_kept.map(|n| n > 0), [true, kernel != PATH], "{kernel}");
+        assert_eq!(n_kept.map(|n| n > 0), [true, *kernel != PATH], "{kernel}");
     }
 }
 
