@@ -377,7 +377,7 @@ impl Top {
 
 /// The instances that a ray may hit: those of a top level, or of one for rays that are prepared together.
 pub(crate) trait Entered {
-    /// [`Top::traverse`]. Not for a `dyn` function: calls of one in another would take as long as a node.
+    /// [`Top::traverse`]. Not for a `dyn` function: the traversal calls one already, and calls of one in another would take as long as a node.
     fn each(self, order: Order, stack: &mut [u64], enter: impl FnMut(InstanceId, f32) -> f32) -> u32;
 }
 

@@ -66,18 +66,17 @@ impl WideBvh<Aabb> {
     /// `visit` gets the scaled `t_max` and returns the new one; a negative value ends the traversal. A box is entered no later than any
     /// hit that lies within `error` of it in each coordinate, in units of the space, and while that is `<= t_max`: so ties do not
     /// depend on the BVH. `stack` has at least [`Intersect::stack_len`](canted_trace::Intersect::stack_len) entries.
-    #[inline]
     pub fn traverse_scaled(
         &self,
         ray: &ScaledRay,
         error: f64,
         order: Order,
         stack: &mut [u64],
-        visit: &mut (impl FnMut(PrimId, f32) -> f32 + ?Sized),
+        visit: &mut dyn FnMut(PrimId, f32) -> f32,
     ) -> u32 {
         let visits = match order {
-            Order::Nearest => self.path.run(TraverseBoxes::<_, true> { bvh: self, ray, error, stack, visit }),
-            Order::Any => self.path.run(TraverseBoxes::<_, false> { bvh: self, ray, error, stack, visit }),
+            Order::Nearest => self.path.run(TraverseBoxes::<true> { bvh: self, ray, error, stack, visit }),
+            Order::Any => self.path.run(TraverseBoxes::<false> { bvh: self, ray, error, stack, visit }),
         };
         visits.n_boxes()
     }
@@ -106,19 +105,16 @@ impl WideBvh<Aabb> {
 
     /// [`WideBvh::traverse_scaled`] of ray `i` of those prepared, up to `t_max`.
     #[doc(hidden)]
-    #[inline]
     pub fn traverse_prepared(
         &self,
         (prepared, i, t_max): (&PreparedRays, usize, f32),
         order: Order,
         stack: &mut [u64],
-        visit: &mut impl FnMut(PrimId, f32) -> f32,
+        visit: &mut dyn FnMut(PrimId, f32) -> f32,
     ) -> u32 {
         let visits = match order {
-            Order::Nearest => {
-                self.path.run(TraversePrepared::<_, true> { bvh: self, prepared, i, t_max, stack, visit })
-            }
-            Order::Any => self.path.run(TraversePrepared::<_, false> { bvh: self, prepared, i, t_max, stack, visit }),
+            Order::Nearest => self.path.run(TraversePrepared::<true> { bvh: self, prepared, i, t_max, stack, visit }),
+            Order::Any => self.path.run(TraversePrepared::<false> { bvh: self, prepared, i, t_max, stack, visit }),
         };
         visits.n_boxes()
     }
@@ -205,53 +201,53 @@ impl Task for PrepareRays<'_> {
     }
 }
 
-struct TraversePrepared<'a, V, const ORDERED: bool> {
+struct TraversePrepared<'a, const ORDERED: bool> {
     bvh: &'a WideBvh<Aabb>,
     prepared: &'a PreparedRays,
     i: usize,
     t_max: f32,
     stack: &'a mut [u64],
-    visit: &'a mut V,
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
 }
 
-impl<V: FnMut(PrimId, f32) -> f32, const ORDERED: bool> Task for TraversePrepared<'_, V, ORDERED> {
+impl<const ORDERED: bool> Task for TraversePrepared<'_, ORDERED> {
     type Output = Visits;
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, prepared, i, t_max, stack, visit } = self;
-        visit_leaves::<S, _, V, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (prepared.one(i), t_max), stack, visit)
+        visit_leaves::<S, _, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (prepared.one(i), t_max), stack, visit)
     }
 }
 
 /// [`WideBvh::traverse_scaled`]: the ray is prepared with the instructions of the path.
-struct TraverseBoxes<'a, V: ?Sized, const ORDERED: bool> {
+struct TraverseBoxes<'a, const ORDERED: bool> {
     bvh: &'a WideBvh<Aabb>,
     ray: &'a ScaledRay,
     error: f64,
     stack: &'a mut [u64],
-    visit: &'a mut V,
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
 }
 
-impl<V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool> Task for TraverseBoxes<'_, V, ORDERED> {
+impl<const ORDERED: bool> Task for TraverseBoxes<'_, ORDERED> {
     type Output = Visits;
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { bvh, ray, error, stack, visit } = self;
         let numbers = RayNumbers::within(simd, ray, &bvh.frame, error);
-        visit_leaves::<S, _, V, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), stack, visit)
+        visit_leaves::<S, _, ORDERED>(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), stack, visit)
     }
 }
 
 /// Calls `visit` with the ids of each leaf that a ray enters. Must be inlined, like all callers of [`Simd`].
 #[inline(always)]
-fn visit_leaves<S: Simd, R: ThroughNodes, V: FnMut(PrimId, f32) -> f32 + ?Sized, const ORDERED: bool>(
+fn visit_leaves<S: Simd, R: ThroughNodes, const ORDERED: bool>(
     simd: S,
     (nodes, ids): (&Nodes, &[PrimId]),
     (ray, t_max): (R, f32),
     stack: &mut [u64],
-    visit: &mut V,
+    visit: &mut dyn FnMut(PrimId, f32) -> f32,
 ) -> Visits {
     let mut called = CalledForIds { ids, visit, visits: Visits::default() };
     walk::<S, _, _, ORDERED>(simd, nodes, ray, t_max, stack, &mut called);
@@ -259,13 +255,13 @@ fn visit_leaves<S: Simd, R: ThroughNodes, V: FnMut(PrimId, f32) -> f32 + ?Sized,
 }
 
 /// Calls a function for each primitive of a leaf.
-struct CalledForIds<'a, V: ?Sized> {
+struct CalledForIds<'a> {
     ids: &'a [PrimId],
-    visit: &'a mut V,
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
     visits: Visits,
 }
 
-impl<V: FnMut(PrimId, f32) -> f32 + ?Sized> Visitor for CalledForIds<'_, V> {
+impl Visitor for CalledForIds<'_> {
     #[inline(always)]
     fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
