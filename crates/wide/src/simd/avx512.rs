@@ -54,6 +54,8 @@ impl Simd for Avx512 {
         fn sqrt(a: __m256) -> __m256;
         fn min(a: __m256, b: __m256) -> __m256;
         fn max(a: __m256, b: __m256) -> __m256;
+        fn min_bits(a: __m256, b: __m256) -> __m256;
+        fn max_bits(a: __m256, b: __m256) -> __m256;
         fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256;
         fn mul_sub(a: __m256, b: __m256, c: __m256) -> __m256;
         fn neg_mul_sub(a: __m256, b: __m256, c: __m256) -> __m256;

@@ -4,9 +4,9 @@
 use std::arch::aarch64::{
     float32x4_t, float32x4x2_t, uint32x4_t, vabsq_f32, vaddq_f32, vaddvq_u16, vandq_u16, vandq_u32, vbslq_f32,
     vcgtq_f32, vcleq_f32, vcltq_f32, vcombine_u16, vdivq_f32, vdupq_n_f32, vdupq_n_u32, veorq_u32, vfmaq_f32,
-    vfmsq_f32, vld1q_f32, vld1q_u16, vmovn_u32, vmulq_f32, vnegq_f32, vreinterpretq_f32_f64, vreinterpretq_f32_u32,
-    vreinterpretq_f64_f32, vreinterpretq_u32_f32, vsqrtq_f32, vst1q_f32, vsubq_f32, vtrn1q_f32, vtrn1q_f64, vtrn2q_f32,
-    vtrn2q_f64,
+    vfmsq_f32, vld1q_f32, vld1q_u16, vmaxq_s32, vminq_s32, vmovn_u32, vmulq_f32, vnegq_f32, vreinterpretq_f32_f64,
+    vreinterpretq_f32_s32, vreinterpretq_f32_u32, vreinterpretq_f64_f32, vreinterpretq_s32_f32, vreinterpretq_u32_f32,
+    vsqrtq_f32, vst1q_f32, vsubq_f32, vtrn1q_f32, vtrn1q_f64, vtrn2q_f32, vtrn2q_f64,
 };
 use std::arch::is_aarch64_feature_detected;
 
@@ -88,6 +88,8 @@ impl Simd for Neon {
         // The minimum instruction orders -0.0 before 0.0; returning `b` of equals takes a comparison and a selection.
         fn min(a, b) = vbslq_f32(vcltq_f32(a, b), a, b);
         fn max(a, b) = vbslq_f32(vcgtq_f32(a, b), a, b);
+        fn min_bits(a, b) = vreinterpretq_f32_s32(vminq_s32(vreinterpretq_s32_f32(a), vreinterpretq_s32_f32(b)));
+        fn max_bits(a, b) = vreinterpretq_f32_s32(vmaxq_s32(vreinterpretq_s32_f32(a), vreinterpretq_s32_f32(b)));
         fn mul_add(a, b, c) = vfmaq_f32(c, a, b);
         // Flipping the sign of `c` first is exact, zeros included.
         fn mul_sub(a, b, c) = vfmaq_f32(vnegq_f32(c), a, b);

@@ -37,6 +37,8 @@ impl Simd for Scalar {
         fn neg_mul_sub(a, b, c) = -(a * b) - c;
         fn min(a, b) = if a < b { a } else { b };
         fn max(a, b) = if a > b { a } else { b };
+        fn min_bits(a, b) = f32::from_bits(a.to_bits().cast_signed().min(b.to_bits().cast_signed()).cast_unsigned());
+        fn max_bits(a, b) = f32::from_bits(a.to_bits().cast_signed().max(b.to_bits().cast_signed()).cast_unsigned());
         fn pick(a, b, x, y) = if a < b { x } else { y };
         fn abs(a) = a.abs();
         fn power_of_two(a) = f32::from_bits(a.to_bits() & 0x7f80_0000);

@@ -2,8 +2,8 @@
 
 use std::arch::wasm32::{
     f32x4, f32x4_abs, f32x4_add, f32x4_div, f32x4_extract_lane, f32x4_le, f32x4_lt, f32x4_mul, f32x4_neg, f32x4_pmax,
-    f32x4_pmin, f32x4_splat, f32x4_sqrt, f32x4_sub, i32x4_bitmask, i32x4_shuffle, u32x4_splat, v128, v128_and,
-    v128_bitselect, v128_xor,
+    f32x4_pmin, f32x4_splat, f32x4_sqrt, f32x4_sub, i32x4_bitmask, i32x4_max, i32x4_min, i32x4_shuffle, u32x4_splat,
+    v128, v128_and, v128_bitselect, v128_xor,
 };
 
 use super::{Simd, Task};
@@ -67,6 +67,8 @@ impl Simd for Simd128 {
         // These return their first operand unless the second one is less or greater.
         fn min(a, b) = f32x4_pmin(b, a);
         fn max(a, b) = f32x4_pmax(b, a);
+        fn min_bits(a, b) = i32x4_min(a, b);
+        fn max_bits(a, b) = i32x4_max(a, b);
         fn pick(a, b, x, y) = v128_bitselect(x, y, f32x4_lt(a, b));
         fn abs(a) = f32x4_abs(a);
         fn power_of_two(a) = v128_and(a, u32x4_splat(0x7f80_0000));

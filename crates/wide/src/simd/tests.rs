@@ -37,6 +37,8 @@ impl Task for Every {
             ("sqrt", bits(simd.store(simd.sqrt(a)))),
             ("min", bits(simd.store(simd.min(a, b)))),
             ("max", bits(simd.store(simd.max(a, b)))),
+            ("min_bits", bits(simd.store(simd.min_bits(a, b)))),
+            ("max_bits", bits(simd.store(simd.max_bits(a, b)))),
             ("power_of_two", bits(simd.store(simd.power_of_two(a)))),
             ("transpose 0", bits(simd.store(simd.transpose([a, b, c, a, b, c, b, a])[0]))),
             ("transpose 3", bits(simd.store(simd.transpose([a, b, c, a, b, c, b, a])[3]))),

@@ -316,9 +316,6 @@ pub(super) fn edges<S: Simd, const SURE: bool, const INSIDE: bool>(
     let least = simd.min(simd.min(u, v), w);
     let greatest = simd.max(simd.max(u, v), w);
     let passing = !(simd.lt(least, zero) & simd.lt(zero, greatest)) & 0xff;
-    if passing == 0 {
-        return Candidates { mask: 0, sure: 0, inside: 0, sheared: [a, b, c] };
-    }
     let tiny = simd.splat(f32::MIN_POSITIVE);
     let det = simd.add(simd.add(u, v), w);
     let z = [simd.mul(a[2], ray.recip), simd.mul(b[2], ray.recip), simd.mul(c[2], ray.recip)];

@@ -232,8 +232,8 @@ pub(crate) fn enter_aligned<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8]
     let far_x = plane(simd, ray, rows, 0, ROW - x, ray.far[0]);
     let far_y = plane(simd, ray, rows, 1, ROW - y, ray.far[1]);
     let far_z = plane(simd, ray, rows, 2, ROW - z, ray.far[2]);
-    let near = simd.max(simd.max(near_x, near_y), simd.max(near_z, ray.t_min));
-    let far = simd.min(simd.min(far_x, far_y), simd.min(far_z, t_max));
+    let near = simd.max_bits(simd.max_bits(near_x, near_y), simd.max_bits(near_z, ray.t_min));
+    let far = simd.min_bits(simd.min_bits(far_x, far_y), simd.min_bits(far_z, t_max));
     Entries { near, mask: simd.le(near, far) }
 }
 
@@ -261,8 +261,8 @@ pub(crate) fn enter_oriented<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 1
         let size = simd.max(simd.abs(direction), ray.min_direction);
         let a = simd.div(ray.one, size);
         let q = simd.mul(simd.xor_sign(p, direction), a);
-        near = simd.max(simd.neg_mul_sub(half, a, q), near);
-        far = simd.min(simd.mul_sub(half, a, q), far);
+        near = simd.max_bits(simd.neg_mul_sub(half, a, q), near);
+        far = simd.min_bits(simd.mul_sub(half, a, q), far);
     }
     Entries { near, mask: simd.le(near, far) }
 }
