@@ -144,8 +144,10 @@ pub(crate) fn span(
         let b = dot(moment, across) - delta * delta * dot(m, d) + r0 * delta * along_d;
         let c = dot(moment, moment) - delta * delta * dot(m, m) - axis_squared * r0 * r0 + 2.0 * r0 * delta * dot(m, a);
         // Roots of a2·t² + 2·b·t + c without cancellation. NaN for a miss, and at infinity where the line is parallel to the surface. Where
-        // the form decreases, the line enters: by half of its derivative, whatever the sign of a2.
-        let root = sqrt(b * b - a2 * c);
+        // the form decreases, the line enters: by half of its derivative, whatever the sign of a2. A line that is steeper than the surface meets
+        // both halves of the cone; through an apex both roots are one, where roundings may leave a negative square.
+        let square = b * b - a2 * c;
+        let root = sqrt(if a2 < 0.0 { square.max(0.0) } else { square });
         let q = if b < 0.0 { root - b } else { -root - b };
         let (near, far) = (c / q, q / a2);
         let (first, last) = if b < 0.0 { (near, far) } else { (far, near) };
@@ -153,11 +155,13 @@ pub(crate) fn span(
         exit = (last, (along_m + last * along_d) * recip_e);
         has_entry = 0.0 <= entry.1 && entry.1 <= 1.0;
         has_exit = 0.0 <= exit.1 && exit.1 <= 1.0;
-        // Through an apex both roots are one, and roundings may put that of the other half of the cone on this one.
-        if a2 < 0.0 && delta * along_d > 0.0 {
-            has_entry = false;
-        } else if a2 < 0.0 {
-            has_exit = false;
+        if a2 < 0.0 {
+            // Near an apex roundings may put the root of the other half of the cone on this one, and that of this one beyond its end.
+            let is_exit = delta * along_d > 0.0;
+            let u = if is_exit { &mut exit.1 } else { &mut entry.1 };
+            let is_on = -APEX_ROUNDING <= *u && *u <= 1.0 + APEX_ROUNDING;
+            *u = u.max(0.0).min(1.0);
+            [has_entry, has_exit] = [is_on && !is_exit, is_on && is_exit];
         }
         if has_entry && base_t + first >= enough {
             return Some([(base_t + first, entry.1); 2]);
@@ -199,6 +203,10 @@ pub(crate) fn passes(from_origin: Vector, d: Vector, a: Vector, radius: f64) -> 
     let apart = dot(from_origin, across).abs() - ROUNDINGS * size(from_origin) * size(d) * size(a);
     apart > 0.0 && apart * apart > radius * radius * dot(across, across) * (1.0 + ROUNDINGS)
 }
+
+/// How far roundings may put the position of a root near an apex, relative to the length of the segment: as far as the square root of some hundred
+/// roundings of 2^-53. There the surface is as far from the ball at most, a tenth of the error of hits.
+const APEX_ROUNDING: f64 = 1e-7;
 
 /// The sum of the absolute components.
 #[inline(always)]
@@ -312,6 +320,39 @@ mod tests {
             }
         }
         assert!(n > 10_000, "{n}");
+    }
+
+    /// Rays from beyond the tip of a cone that pass through it, but for the rounding of their directions: there they enter.
+    #[test]
+    fn rays_from_beyond_a_tip_enter_there() {
+        let mut n = 0;
+        for (i, (segment, ray)) in cases(40_000).enumerate() {
+            let ([wide, near], r) = (segment.ends, 0.3 * segment.radii[0]);
+            // Some exactly along the axis.
+            let tip = if i % 5 == 0 { [near[0], wide[1], wide[2]] } else { near };
+            let axis = sub(to_f64(tip), to_f64(wide));
+            let inside = [0, 1, 2].map(|k| wide[k] + if i % 4 == 0 { 0.0 } else { 0.1 * r * ray.direction[k] });
+            let direction = [0, 1, 2].map(|k| inside[k] - tip[k]);
+            let Some(ray) = ScaledRay::new(&Ray::new([0, 1, 2].map(|k| tip[k] - 2.0 * direction[k]), direction)) else {
+                continue;
+            };
+            let slope = f64::from(r) / sqrt(dot(axis, axis));
+            if r < 1e-3 || slope > 0.8 {
+                continue;
+            }
+            let (d, tip_from_origin) = (to_f64(ray.direction), sub(to_f64(tip), to_f64(ray.origin)));
+            let to_tip = dot(tip_from_origin, d) / dot(d, d);
+            // The ray is less than half as steep as the surface, which it enters where that is as far from the axis as the ray.
+            let off = size(cross(tip_from_origin, d)) / sqrt(dot(d, d));
+            let bound = 1e-6 + 4.0 * off / slope;
+            for (ends, radii) in [([wide, tip], [r, 0.0]), ([tip, wide], [0.0, r])] {
+                let cone = RoundSegment { ends, radii };
+                let [entry, _] = cone.span_scaled(&ray).expect("the ray meets the ball");
+                assert!((f64::from(entry.t) - to_tip).abs() <= bound, "{cone:?} {ray:?}: {entry:?}, not at {to_tip}");
+                n += 1;
+            }
+        }
+        assert!(n > 20_000, "{n}");
     }
 
     #[test]
