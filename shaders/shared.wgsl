@@ -469,6 +469,35 @@ fn face_along(direction: vec3<f32>, rays: u32) {
     facing_rays = rays;
 }
 
+// part facing/scattered
+// A ray that a surface scattered ends at the first face it hits, but light from beyond may pass that face, if it is hidden. So the ray is traced again, as one along
+// which light arrives: if it leaves the scene then, it did not hit the face.
+// use shared/facing
+// use shared/invocation/incomplete
+// use shared/ray
+// use ?mask
+
+fn face_ray(direction: vec3<f32>, is_scattered: bool, is_arriving: bool) {
+    face_along(direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+}
+
+/// Whether a ray is traced again after a hit. `hidden` is a miss before the first time, then the hidden face; after the second time it is a miss again, and the
+/// hit is where the ray ends.
+fn is_traced_again(hit: ptr<function, Hit>, hidden: ptr<function, Hit>, is_scattered: bool) -> bool {
+    if (*hidden).instance != NONE {
+        if (*hit).instance != NONE {
+            *hit = *hidden;
+        }
+        *hidden = miss();
+        return false;
+    }
+    if is_scattered && (*hit).instance != NONE && is_hidden(*hit) && !is_incomplete {
+        *hidden = *hit;
+        return true;
+    }
+    return false;
+}
+
 // choice mask/none
 // All hits count.
 // use shared/mask_no_faces

@@ -6,6 +6,7 @@
 // All rays of a sample share one call site. Compilers inline functions at each call, and traversal is by far the largest.
 // use shared/invocation/index
 // use shared/hybrid
+// use shared/facing/scattered
 // use shared/ray
 // use ?traverse
 // use shared/camera/film
@@ -23,6 +24,8 @@ fn main(id: Invocation) {
     var n_rays = 0u;
     if one.is_inside {
         choose_time(one);
+        start_components(64u * group + id.local);
+        start_first_light(64u * group + id.local);
         var state = gathering_from(camera_ray(one));
         // How far the camera ray is traced.
         var reach = first_reach(state.ray, one.pixel);
@@ -34,21 +37,14 @@ fn main(id: Invocation) {
             let is_from_camera = state.n_rays == 1u;
             let is_scattered = state.stage == ONWARD && state.n_vertices > 0u;
             let is_arriving = state.stage == TO_LIGHT || hidden.instance != NONE;
-            face_along(state.ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+            face_ray(state.ray.direction, is_scattered, is_arriving);
             let t_max = select(state.ray.t_max, reach, is_from_camera);
             var hit = traverse(Ray(state.ray.origin, state.ray.t_min, state.ray.direction, t_max), is_arriving);
             if is_from_camera && hit.instance == NONE && reach < state.ray.t_max {
                 reach = state.ray.t_max;
                 continue;
             }
-            if hidden.instance != NONE {
-                // The ray leaves the scene, or ends at the hidden face.
-                if hit.instance != NONE {
-                    hit = hidden;
-                }
-                hidden = miss();
-            } else if is_scattered && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
-                hidden = hit;
+            if is_traced_again(&hit, &hidden, is_scattered) {
                 state.n_rays += 1u;
                 continue;
             }
@@ -59,8 +55,10 @@ fn main(id: Invocation) {
         }
         radiance = state.radiance;
         n_rays = state.n_rays;
+        if is_dropped(radiance) {
+            drop_components();
+            drop_first_light();
+        }
     }
     keep(group, id.local, one, radiance, n_rays);
-    keep_components(group, id.local, one, radiance);
-    keep_first_light(group, id.local, one, radiance);
 }

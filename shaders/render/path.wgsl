@@ -3,7 +3,7 @@
 // `?components` is what is kept of the light in parts, `?mask` which hits count, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
 // Compilers inline functions at each call.
 // use shared/invocation/index
-// use shared/facing
+// use shared/facing/scattered
 // use shared/path
 // use shared/ray
 // use ?traverse
@@ -20,6 +20,7 @@ fn main(id: Invocation) {
     var n_rays = 0u;
     if one.is_inside {
         choose_time(one);
+        start_components(64u * group + id.local);
         var path = path_from(camera_ray(one));
         // The hidden face at which the scattered ray that is traced again ends.
         var hidden = miss();
@@ -28,16 +29,9 @@ fn main(id: Invocation) {
             ray_sample = one.sample;
             let is_scattered = path.stage == ONWARD && path.n_scattered > 0u;
             let is_arriving = path.stage == TO_LIGHT || hidden.instance != NONE;
-            face_along(path.ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+            face_ray(path.ray.direction, is_scattered, is_arriving);
             var hit = traverse(path.ray, is_arriving);
-            if hidden.instance != NONE {
-                // The ray leaves the scene, or ends at the hidden face.
-                if hit.instance != NONE {
-                    hit = hidden;
-                }
-                hidden = miss();
-            } else if is_scattered && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
-                hidden = hit;
+            if is_traced_again(&hit, &hidden, is_scattered) {
                 path.n_rays += 1u;
                 continue;
             }
@@ -48,7 +42,9 @@ fn main(id: Invocation) {
         }
         radiance = path.radiance;
         n_rays = path.n_rays;
+        if is_dropped(radiance) {
+            drop_components();
+        }
     }
     keep(group, id.local, one, radiance, n_rays);
-    keep_components(group, id.local, one, radiance);
 }

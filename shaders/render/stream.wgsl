@@ -8,7 +8,7 @@
 // `?integrator` says what a sample does with the answers to its rays. A shadow ray and the onward ray of the same surface are traced at the same time; light is
 // added in the order of `render/path` and `render/hybrid`, so a sample has the same bits. Samples that go on, rays and shadow rays are lists of indices:
 // a dispatch has invocations for those alone. The states lie in the order of samples. A sample is kept when it is done; until then it is one that
-// no kernel finished. Its light in parts is kept after each step, and the next one adds to that.
+// no kernel finished. Its light in parts is added up where it is kept.
 // use shared/invocation/index
 // use shared/invocation/incomplete
 // use shared/ray
@@ -21,10 +21,13 @@
 /// The stage of a sample with a ray that no kernel decided; the host takes it.
 const CUT: u32 = 3u;
 
-/// Keeps a sample if it is done.
+/// Keeps a sample if it is done; its light in parts is there.
 fn keep_done(state: State, one: PixelSample, index: u32) {
     if state.stage == DONE {
         keep(index / 64u, index % 64u, one, state.radiance, state.n_rays);
+        if is_dropped(state.radiance) {
+            drop_parts();
+        }
     }
 }
 
@@ -38,14 +41,18 @@ fn state_from(start: CameraRay) -> State {
     return path_from(start);
 }
 
+fn start_parts(index: u32) {
+    start_components(index);
+}
+
 /// Continues with the light in parts that is kept of a sample.
 fn resume_parts(index: u32) {
     resume_components(index);
 }
 
-/// Keeps it; zeros once the radiance is not finite, which it stays.
-fn keep_parts(one: PixelSample, radiance: vec3<f32>, index: u32) {
-    keep_components(index / 64u, index % 64u, one, radiance);
+/// Makes it zero.
+fn drop_parts() {
+    drop_components();
 }
 
 /// Whether a surface scattered the onward ray.
@@ -63,16 +70,21 @@ fn state_from(start: CameraRay) -> State {
     return gathering_from(start);
 }
 
+fn start_parts(index: u32) {
+    start_components(index);
+    start_first_light(index);
+}
+
 /// Continues with the light in parts that is kept of a sample.
 fn resume_parts(index: u32) {
     resume_components(index);
     resume_first_light(index);
 }
 
-/// Keeps it; zeros once the radiance is not finite, which it stays.
-fn keep_parts(one: PixelSample, radiance: vec3<f32>, index: u32) {
-    keep_components(index / 64u, index % 64u, one, radiance);
-    keep_first_light(index / 64u, index % 64u, one, radiance);
+/// Makes it zero.
+fn drop_parts() {
+    drop_components();
+    drop_first_light();
 }
 
 /// Whether a surface scattered the onward ray.
@@ -206,8 +218,7 @@ fn main(id: Invocation) {
         states[index] = state;
         is_incomplete = true;
         keep(group, id.local, one, vec3(0.0), 0u);
-        // None so far.
-        keep_parts(one, vec3(0.0), index);
+        start_parts(index);
     }
     send(id.local, one.is_inside, index, state);
 }
@@ -236,7 +247,6 @@ fn main(id: Invocation) {
         advance_by_answers(&state, one, index);
         states[index] = state;
         keep_done(state, one, index);
-        keep_parts(one, state.radiance, index);
     }
     send(id.local, is_there, index, state);
 }
@@ -267,7 +277,7 @@ fn advance_by_answers(state: ptr<function, State>, one: PixelSample, index: u32)
 // part rest
 // The rest of the listed samples: an invocation traces all rays of one, as the kernels of whole samples do. For frames that shall take few dispatches.
 // use render/stream/listed
-// use shared/facing
+// use shared/facing/scattered
 // use shared/hash/ray_key
 // use ?traverse
 // use ?mask
@@ -291,16 +301,9 @@ fn main(id: Invocation) {
         ray_key = key_of(state, one);
         let is_scattered = state.stage == ONWARD && has_scattered(state);
         let is_arriving = state.stage == TO_LIGHT || hidden.instance != NONE;
-        face_along(state.ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+        face_ray(state.ray.direction, is_scattered, is_arriving);
         var hit = traverse(state.ray, is_arriving);
-        if hidden.instance != NONE {
-            // The ray leaves the scene, or ends at the hidden face.
-            if hit.instance != NONE {
-                hit = hidden;
-            }
-            hidden = miss();
-        } else if is_scattered && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
-            hidden = hit;
+        if is_traced_again(&hit, &hidden, is_scattered) {
             state.n_rays += 1u;
             continue;
         }
@@ -313,7 +316,6 @@ fn main(id: Invocation) {
         state.stage = CUT;
     }
     keep_done(state, one, index);
-    keep_parts(one, state.radiance, index);
 }
 
 // part masked
@@ -341,6 +343,7 @@ fn prepare(index: u32, stage: u32) -> Ray {
 
 // part masked/closest
 // The closest hit of each listed onward ray.
+// use shared/facing/scattered
 
 @group(1) @binding(9) var<storage, read_write> hits: array<Hit>;
 
@@ -357,16 +360,11 @@ fn main(id: Invocation) {
     var hidden = miss();
     loop {
         let is_again = hidden.instance != NONE;
-        face_along(ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_again));
+        face_ray(ray.direction, is_scattered, is_again);
         var hit = traverse(ray, is_again);
-        if is_scattered && !is_again && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
-            hidden = hit;
+        if is_traced_again(&hit, &hidden, is_scattered) {
             states[index].n_rays += 1u;
             continue;
-        }
-        if is_again && hit.instance != NONE {
-            // The ray does not leave the scene, so it ends at the hidden face.
-            hit = hidden;
         }
         if is_incomplete {
             hit.instance = INCOMPLETE;

@@ -210,6 +210,11 @@ fn first_reach(ray: Ray, pixel: u32) -> f32 {
 /// by row.
 @group(1) @binding(4) var<storage, read_write> samples: array<vec4<f32>>;
 
+/// Whether a sample is dropped because its radiance is not finite. By integers: compilers may assume that a float is finite.
+fn is_dropped(radiance: vec3<f32>) -> bool {
+    return any((bitcast<vec3<u32>>(radiance) & vec3(0x7f800000u)) == vec3(0x7f800000u));
+}
+
 fn keep(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>, n_rays: u32) {
     if one.is_inside {
         samples[64u * group + local] = vec4(radiance, select(f32(n_rays), -1.0, is_incomplete));
@@ -218,12 +223,15 @@ fn keep(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>, n_rays: u
 
 // part first_light
 // What the first surface reflects of the listed lights and of the environment, as if nothing occluded them, and what arrives of both.
-// use shared/picture
 
 // choice first_light/none
 // It is not kept.
 
 const KEEPS_FIRST_LIGHT: bool = false;
+
+fn start_first_light(index: u32) {}
+
+fn resume_first_light(index: u32) {}
 
 fn add_diffuse(vertex: u32, light: vec3<f32>) {}
 
@@ -231,138 +239,106 @@ fn add_arriving(vertex: u32, light: vec3<f32>) {}
 
 fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {}
 
-fn resume_first_light(index: u32) {}
-
-fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
+fn drop_first_light() {}
 
 // choice first_light/four
-// It is kept sample by sample, as `samples` are.
+// It is kept sample by sample, as `samples` are, and added up there: no register waits for more of it.
 
 const KEEPS_FIRST_LIGHT: bool = true;
 
-/// Linear RGB of a sample.
-struct FirstLight {
-    /// Listed lights as if nothing occluded them.
-    diffuse: array<f32, 3>,
-    /// What arrives of it.
-    shadowed: array<f32, 3>,
-    /// The environment as if nothing occluded it.
-    ambient: array<f32, 3>,
-    /// What arrives of it.
-    occluded: array<f32, 3>,
-}
+/// Numbers of a part of a sample: linear RGB.
+alias Light = array<f32, 3>;
 
+/// Of each sample: listed lights as if nothing occluded them, what arrives of them, the environment as if nothing occluded it, and what arrives of it.
 /// 64 pixels per work-group, row by row.
-@group(1) @binding(13) var<storage, read_write> first_light: array<FirstLight>;
+@group(1) @binding(13) var<storage, read_write> first_light: array<array<Light, 4>>;
 
-var<private> diffuse_light: vec3<f32>;
-var<private> shadowed_light: vec3<f32>;
-var<private> ambient_light: vec3<f32>;
-var<private> occluded_light: vec3<f32>;
+/// The place of the sample.
+var<private> first_light_at: u32;
 
-/// Adds light of a listed light at a vertex, of which the first counts.
-fn add_diffuse(vertex: u32, light: vec3<f32>) {
-    diffuse_light += select(vec3(0.0), light, vertex == 0u);
-}
-
-/// Adds what arrives of it.
-fn add_arriving(vertex: u32, light: vec3<f32>) {
-    shadowed_light += select(vec3(0.0), light, vertex == 0u);
-}
-
-/// Keeps light of the environment, and what arrives of it.
-fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {
-    ambient_light = unoccluded;
-    occluded_light = arriving;
+fn start_first_light(index: u32) {
+    first_light_at = index;
+    drop_first_light();
 }
 
 /// Continues with the light that is kept of a sample.
 fn resume_first_light(index: u32) {
-    let kept = first_light[index];
-    diffuse_light = vec3(kept.diffuse[0], kept.diffuse[1], kept.diffuse[2]);
-    shadowed_light = vec3(kept.shadowed[0], kept.shadowed[1], kept.shadowed[2]);
-    ambient_light = vec3(kept.ambient[0], kept.ambient[1], kept.ambient[2]);
-    occluded_light = vec3(kept.occluded[0], kept.occluded[1], kept.occluded[2]);
+    first_light_at = index;
 }
 
-/// Stores the light of a sample, and zeros for one that is dropped because its radiance is not finite.
-fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {
-    if one.is_inside {
-        // Integers: compilers may assume that a float is finite.
-        let is_dropped = any((bitcast<vec3<u32>>(radiance) & vec3(0x7f800000u)) == vec3(0x7f800000u));
-        let diffuse = select(diffuse_light, vec3(0.0), is_dropped);
-        let shadowed = select(shadowed_light, vec3(0.0), is_dropped);
-        let ambient = select(ambient_light, vec3(0.0), is_dropped);
-        let occluded = select(occluded_light, vec3(0.0), is_dropped);
-        first_light[64u * group + local] = FirstLight(
-            array<f32, 3>(diffuse.x, diffuse.y, diffuse.z),
-            array<f32, 3>(shadowed.x, shadowed.y, shadowed.z),
-            array<f32, 3>(ambient.x, ambient.y, ambient.z),
-            array<f32, 3>(occluded.x, occluded.y, occluded.z),
-        );
+/// Adds light of a listed light at a vertex, of which the first counts.
+fn add_diffuse(vertex: u32, light: vec3<f32>) {
+    add_first_light(0u, vertex, light);
+}
+
+/// Adds what arrives of it.
+fn add_arriving(vertex: u32, light: vec3<f32>) {
+    add_first_light(1u, vertex, light);
+}
+
+fn add_first_light(part: u32, vertex: u32, light: vec3<f32>) {
+    if vertex == 0u && any(light != vec3(0.0)) {
+        first_light[first_light_at][part][0] += light.x;
+        first_light[first_light_at][part][1] += light.y;
+        first_light[first_light_at][part][2] += light.z;
     }
+}
+
+/// Keeps light of the environment, and what arrives of it.
+fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {
+    first_light[first_light_at][2] = Light(unoccluded.x, unoccluded.y, unoccluded.z);
+    first_light[first_light_at][3] = Light(arriving.x, arriving.y, arriving.z);
+}
+
+/// Makes it zero, for a sample that is dropped.
+fn drop_first_light() {
+    first_light[first_light_at] = array<Light, 4>();
 }
 
 // part components
 // The light of a sample by how many surfaces scattered it on its way to the camera: none, one, or more.
-// use shared/picture
 
 // choice components/none
 // It is not kept.
 
-fn add_component(n_scattered: u32, light: vec3<f32>) {}
+fn start_components(index: u32) {}
 
 fn resume_components(index: u32) {}
 
-fn keep_components(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
+fn add_component(n_scattered: u32, light: vec3<f32>) {}
+
+fn drop_components() {}
 
 // choice components/three
-// It is kept sample by sample, as `samples` are.
+// It is kept sample by sample, as `samples` are, and added up there: no register waits for more of it.
 
-/// Linear RGB of a sample.
-struct Components {
-    /// Light that no surface scattered.
-    emission: array<f32, 3>,
-    /// Light that one surface scattered.
-    direct: array<f32, 3>,
-    /// The rest.
-    indirect: array<f32, 3>,
-}
+/// Linear RGB of a sample, of each part. 64 pixels per work-group, row by row.
+@group(1) @binding(5) var<storage, read_write> components: array<array<array<f32, 3>, 3>>;
 
-/// 64 pixels per work-group, row by row.
-@group(1) @binding(5) var<storage, read_write> components: array<Components>;
+/// The place of the sample.
+var<private> components_at: u32;
 
-var<private> emission_light: vec3<f32>;
-var<private> direct_light: vec3<f32>;
-var<private> indirect_light: vec3<f32>;
-
-/// Adds light that this many surfaces scattered, mirrors and glass included.
-fn add_component(n_scattered: u32, light: vec3<f32>) {
-    emission_light += select(vec3(0.0), light, n_scattered == 0u);
-    direct_light += select(vec3(0.0), light, n_scattered == 1u);
-    indirect_light += select(vec3(0.0), light, n_scattered > 1u);
+fn start_components(index: u32) {
+    components_at = index;
+    drop_components();
 }
 
 /// Continues with the components that are kept of a sample.
 fn resume_components(index: u32) {
-    let kept = components[index];
-    emission_light = vec3(kept.emission[0], kept.emission[1], kept.emission[2]);
-    direct_light = vec3(kept.direct[0], kept.direct[1], kept.direct[2]);
-    indirect_light = vec3(kept.indirect[0], kept.indirect[1], kept.indirect[2]);
+    components_at = index;
 }
 
-/// Stores the components of a sample, and zeros for one that is dropped because its radiance is not finite.
-fn keep_components(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {
-    if one.is_inside {
-        // Integers: compilers may assume that a float is finite.
-        let is_dropped = any((bitcast<vec3<u32>>(radiance) & vec3(0x7f800000u)) == vec3(0x7f800000u));
-        let emission = select(emission_light, vec3(0.0), is_dropped);
-        let direct = select(direct_light, vec3(0.0), is_dropped);
-        let indirect = select(indirect_light, vec3(0.0), is_dropped);
-        components[64u * group + local] = Components(
-            array<f32, 3>(emission.x, emission.y, emission.z),
-            array<f32, 3>(direct.x, direct.y, direct.z),
-            array<f32, 3>(indirect.x, indirect.y, indirect.z),
-        );
+/// Adds light that this many surfaces scattered, mirrors and glass included.
+fn add_component(n_scattered: u32, light: vec3<f32>) {
+    if any(light != vec3(0.0)) {
+        let part = min(n_scattered, 2u);
+        components[components_at][part][0] += light.x;
+        components[components_at][part][1] += light.y;
+        components[components_at][part][2] += light.z;
     }
+}
+
+/// Makes them zero, for a sample that is dropped.
+fn drop_components() {
+    components[components_at] = array<array<f32, 3>, 3>();
 }

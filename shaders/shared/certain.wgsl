@@ -91,27 +91,16 @@ fn ray_again(index: u32) -> Ray {
     return rays[index + (iterations >> 31u)];
 }
 
-/// Enters the top level, or the only one. No triangles are tested in a top level, so `shear` keeps the ray there.
-fn enter_top_level(ray: Ray) -> u32 {
-    let root = enter_top(ray);
-    if HAS_INSTANCES {
-        shear.origin = ray.origin;
-        shear.factors = ray.direction.xy;
-        shear.depth = ray.direction.z;
-    }
-    return root;
-}
-
 /// The ray that entered the top level, without its end.
 fn ray_of_top_level(t_min: f32) -> Ray {
-    return Ray(shear.origin, t_min, vec3<f32>(shear.factors, shear.depth), FAR);
+    return Ray(space.origin, t_min, space.direction * space.to_scaled, FAR);
 }
 
 /// Finds the closest hit, or any hit, of a ray of the kernel's `rays`: `best_number`, `best_instance` and `best_at`. Returns whether the
 /// answer is certain.
 fn is_certain_hit(index: u32, any: bool) -> bool {
     let ray = rays[index];
-    var word = enter_top_level(ray);
+    var word = enter_top(ray);
     limit_in_instance = scaled_t(ray.t_max);
     best_last = comparable(limit_in_instance);
     best_first = best_last;
@@ -165,7 +154,7 @@ fn is_certain_hit(index: u32, any: bool) -> bool {
             if HAS_INSTANCES && is_in_instance && n_entries == n_top_level {
                 is_in_instance = false;
                 n_top_level = 0u;
-                enter_top_level(ray_again(index));
+                enter_top(ray_again(index));
                 limit_in_instance = scaled_t(best_last);
                 octant = octant_of_space();
             }
@@ -255,11 +244,16 @@ fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
     return vec2<u32>(all & ~leaves, leaves);
 }
 
+/// A vertex relative to the origin, with permuted axes; the permuted origin would take three registers beside this one.
+fn from_origin(at: u32) -> vec3<f32> {
+    return along_axes(bitcast<vec3<f32>>(leaf_triangles[at].xyz) - space.origin);
+}
+
 /// Tests the triangle at a quad, and keeps what is certain about its hit: nothing where `is_masked`.
 fn decide_triangle(at: u32, is_masked: bool) {
-    let a = vertex(at) - shear.origin;
-    let b = vertex(at + 1u) - shear.origin;
-    let c = vertex(at + 2u) - shear.origin;
+    let a = from_origin(at);
+    let b = from_origin(at + 1u);
+    let c = from_origin(at + 2u);
     let m = max(greatest(a), max(greatest(b), greatest(c)));
     // Edge functions, and their bounds.
     let p = a.xy - shear.factors * a.z;

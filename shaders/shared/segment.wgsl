@@ -2,8 +2,9 @@
 //
 // # Units
 // A segment is tested in units of its size, a power of two: then its axis and radii are below 2, squares are in range, and multiplication by the
-// unit is exact. Positions are relative to the first end `a`, from the point of the line that is nearest to the middle, so that distance does not
-// cancel: let f be `a` relative to the origin and t the parameter of that point; then `t d - f` is a point of the line but for its roundings.
+// unit is exact. The first end `a` is the thinner one: where it is a tip, numbers near it are small, and so are their roundings. Positions are relative
+// to it, from the point of the line that is nearest to the middle, so that distance does not cancel: let f be `a` relative to the origin and t the
+// parameter of that point; then `t d - f` is a point of the line but for its roundings.
 //
 // # What is hit
 // A point p is in the segment where `|p - s v| <= r_0 + s (r_1 - r_0)` for some s in 0..=1: v leads from end to end. The line enters at the least root of the
@@ -16,8 +17,7 @@
 // hit is within 2 E M of the surface (`canted_wide`). The roundings in units of the segment are counted at shared/segment/certain and
 // are below 256 E of its size. So a point at the entry as computed is within HIT_ERROR of the surface, as for triangles: the quadratic equation
 // has terms of v^2 r^2 and v^2 p^2, where p is at most a few sizes from the line, so that rounding moves its value by some 30 E of v^2 r (r + |v|)
-// and its root off the surface by as much of |v| + r. One case is not within it: of rays that come from the tip of a segment, where the radius is
-// 0, and pass it at less than 1e-3 of the length, some enter at the near side of the other ball; queries leave these to the CPU, pictures show them.
+// and its root off the surface by as much of |v| + r. Where a steep line passes a tip, whose radius is 0, all terms are as small as its distance from it.
 // use shared/bvh
 // use shared/triangle/records
 
@@ -39,6 +39,8 @@ struct Segment {
     size: f32,
     /// Error of points that move; not in units of the segment.
     moved: f32,
+    /// Whether the curve leads from the second end to the first.
+    is_back: bool,
 }
 
 /// Where a line passes through a surface: parameters of the line from the base on, in units of the segment, and positions along the segment.
@@ -66,12 +68,14 @@ fn segment_at(at: u32) -> Segment {
 
 /// The segment between two balls, whose numbers err by `moved`.
 fn segment_of(a: vec4<f32>, b: vec4<f32>, moved: f32) -> Segment {
-    let first = a.xyz - space.origin;
-    let second = b.xyz - space.origin;
+    let is_back = a.w > b.w;
+    let thin = select(a, b, is_back);
+    let thick = select(b, a, is_back);
+    let first = thin.xyz - space.origin;
+    let second = thick.xyz - space.origin;
     // Ends are exact, or have an error of their own, so their difference has one rounding.
-    let axis = b.xyz - a.xyz;
-    let radii = vec2<f32>(a.w, b.w);
-    let radius = max(radii.x, radii.y);
+    let axis = thick.xyz - thin.xyz;
+    let radius = thick.w;
     let size = max(greatest(axis), radius);
     // Its reciprocal must not underflow.
     let power = min(bitcast<u32>(size) & 0x7f800000u, 0x7e800000u);
@@ -80,43 +84,45 @@ fn segment_of(a: vec4<f32>, b: vec4<f32>, moved: f32) -> Segment {
     let base_t = (project(first, d) + 0.5 * project(axis, d)) * reciprocal(project(d, d));
     let base = base_t * d - first;
     let far_off = max(greatest(first), greatest(second)) + radius;
-    return Segment(base * from_unit, base_t, axis * from_unit, bitcast<f32>(power), from_unit, radii * from_unit, far_off, size, moved);
+    return Segment(base * from_unit, base_t, axis * from_unit, bitcast<f32>(power), from_unit, vec2<f32>(thin.w, thick.w) * from_unit, far_off, size, moved, is_back);
 }
 
 /// Where the line enters and leaves.
 fn span_of_segment(segment: Segment) -> SegmentSpan {
     var span = SegmentSpan(vec2<f32>(2.0 * MOST_ROOT, 0.0), vec2<f32>(-2.0 * MOST_ROOT, 0.0), false);
     let d = space.direction;
-    let v = segment.axis;
     if greatest(segment.base) > MOST_APART || segment.unit == 0.0 {
         return span;
     }
-    let delta = segment.radii.x - segment.radii.y;
+    let v = segment.axis;
+    let r = segment.radii.x;
+    let delta = r - segment.radii.y;
     let d_squared = project(d, d);
     let axis_squared = project(v, v);
     let e = axis_squared - delta * delta;
     let is_cone = e > SQUARE_ROUNDING * axis_squared;
     let across = across_of(d, v);
     let across_squared = project(across, across);
-    // The point of the line that is nearest to the axis, within the size of the segment.
+    // A line that is steeper than the surface meets both halves of the cone, whatever is rounded.
+    let a = across_squared - delta * delta * d_squared;
+    let is_steep = a < 0.0;
+    // The point of the line that is nearest to the axis, within the size of the segment, or of a steep line that to the first end.
     var shift = 0.0;
-    if is_cone && across_squared > SQUARE_ROUNDING * SQUARE_ROUNDING * d_squared * axis_squared {
+    if is_steep {
+        shift = clamp(-project(segment.base, d) * reciprocal(d_squared), -MOST_APART, MOST_APART);
+    } else if is_cone && across_squared > SQUARE_ROUNDING * SQUARE_ROUNDING * d_squared * axis_squared {
         shift = clamp(-project(across_of(segment.base, v), across) * reciprocal(across_squared), -MOST_APART, MOST_APART);
     }
     let m = segment.base + shift * d;
     var n_lateral = 0u;
-    var is_steep = false;
     if is_cone {
         let moment = across_of(m, v);
         let along_m = project(m, v);
         let along_d = project(d, v);
-        let r = segment.radii.x;
-        let a = across_squared - delta * delta * d_squared;
         let b = project(moment, across) - delta * delta * project(m, d) + r * delta * along_d;
         let c = project(moment, moment) - delta * delta * project(m, m) - axis_squared * r * r + 2.0 * r * delta * along_m;
         let square = b * b - a * c;
-        is_steep = a < 0.0;
-        if square >= 0.0 {
+        if square >= 0.0 || is_steep {
             let root = guarded_root(square);
             let q = select(-root - b, root - b, b < 0.0);
             let roots = vec2<f32>(guarded_ratio(q, a), guarded_ratio(c, q));
@@ -124,14 +130,14 @@ fn span_of_segment(segment: Segment) -> SegmentSpan {
                 let s = (along_m + roots[k] * along_d - r * delta) * reciprocal(e);
                 if abs(roots[k]) < MOST_ROOT && s >= -4.0 * ROUNDING && s <= 1.0 + 4.0 * ROUNDING {
                     add_root(&span, shift + roots[k], clamp(s, 0.0, 1.0));
-                    n_lateral += 1u;
+                    n_lateral += select(1u, 0u, is_steep);
                 }
             }
         }
     }
-    // The hull is convex: where both points are on the lateral surface, the balls are between them. A line that is steeper than the surface meets
-    // it once, and the other half of the cone once; through an apex both roots are there.
-    for (var k = 0u; k < 2u && (n_lateral < 2u || is_steep); k += 1u) {
+    // The hull is convex: where both points are on the lateral surface, the balls are between them. A steep line meets it once at most, but through
+    // an apex both roots are there.
+    for (var k = 0u; k < 2u && n_lateral < 2u; k += 1u) {
         let w = m - f32(k) * v;
         let radius = segment.radii[k];
         let nearest = -project(w, d) * reciprocal(d_squared);
@@ -154,6 +160,11 @@ fn add_root(span: ptr<function, SegmentSpan>, root: f32, s: f32) {
     if root > (*span).exit.x {
         (*span).exit = vec2<f32>(root, s);
     }
+}
+
+/// The position along the curve.
+fn along_curve(segment: Segment, s: f32) -> f32 {
+    return select(s, 1.0 - s, segment.is_back);
 }
 
 /// Scaled `t` of a parameter of the line.
@@ -205,7 +216,7 @@ fn consider_segment(at: u32, segment: Segment) {
     }
     tested_place = at;
     var t = t_of_root(segment, span.entry.x);
-    var u = span.entry.y;
+    var u = along_curve(segment, span.entry.y);
     let number = leaf_triangles[at].w;
     if t >= space.t_min {
         if t > t_max {
@@ -219,7 +230,7 @@ fn consider_segment(at: u32, segment: Segment) {
         }
     }
     t = t_of_root(segment, span.exit.x);
-    u = span.exit.y;
+    u = along_curve(segment, span.exit.y);
     if t >= space.t_min && t <= t_max {
         let hit = Hit(caller_t(t), u, 1.0, number, space.instance);
         if before(hit, best) && !is_passed_at_exit(placed(hit)) && accepts(placed(hit)) {
@@ -246,7 +257,7 @@ fn weighed_segment(found: Found, segment: Segment) -> Hit {
     let entry = t_of_root(segment, span.entry.x);
     let is_exit = entry < space.t_min;
     let point = select(span.entry, span.exit, is_exit);
-    return Hit(caller_t(t_of_root(segment, point.x)), point.y, 0.0, found.primitive, found.instance);
+    return Hit(caller_t(t_of_root(segment, point.x)), along_curve(segment, point.y), 0.0, found.primitive, found.instance);
 }
 
 // choice weights/curves

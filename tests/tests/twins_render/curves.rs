@@ -20,6 +20,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(cubic_curves_and_ribbons),
         needs_device(curves_whose_points_move),
         needs_device(textures_on_curves),
+        needs_device(rays_through_tips_enter_there),
         needs_device(the_comparison_detects_thinner_curves),
         needs_device(what_devices_do_not_draw_is_refused_by_name),
     ]
@@ -234,6 +235,34 @@ fn textures_on_curves() {
     scene.textures[0] = texture(&|x, y| [250 - 80 * x, 250 - 80 * y, 40, 255]);
     let ours = on_device(&gpu, &scene, &scene_bvh(&scene, Levels::Auto), &camera, &small(Integrator::Path));
     difference(&ours, &theirs).check_detects("another texture");
+}
+
+/// Rays from beyond the tip of a cone, through it or nearly so, along its axis and aslant: the device enters at the tip, as the CPU does.
+fn rays_through_tips_enter_there() {
+    let gpu = gpu();
+    let (wide, tip) = ([0.3, -0.2, 0.5], [1.1, 0.35, 0.2]);
+    let aovs = [Aov::Depth].into_iter().collect();
+    let settings = Settings { samples: 1, bounces: 0, aovs, ..small(Integrator::Hybrid) };
+    for (positions, radii) in [(vec![wide, tip], vec![0.2, 0.0]), (vec![tip, wide], vec![0.0, 0.2])] {
+        let curves = Curves { radii, segments: CurveSegments::Linear(vec![[0, 1]]), shape: CurveShape::Tube };
+        let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
+        let cone = Mesh { positions, curves: Some(curves), parts, ..Mesh::default() };
+        let (mut scene, _) = scenes::room();
+        scene.meshes = vec![cone];
+        scene.instances = vec![instance(0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]])];
+        let bvh = scene_bvh(&scene, Levels::Auto);
+        for aslant in [0.0, 0.2] {
+            let eye = [0, 1, 2].map(|k| tip[k] + 2.0 * (tip[k] - wide[k]) + aslant * [0.0, 1.0, 0.5][k]);
+            let camera = Camera::pinhole(eye, tip, [0.0, 1.0, 0.0], 0.05);
+            let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+            let theirs = on_cpu(&scene, &bvh, &camera, &settings);
+            for (ours, theirs) in ours.guides().iter().zip(theirs.guides()) {
+                assert_eq!([ours.n_hits, theirs.n_hits], [1; 2]);
+                assert!((ours.depth - theirs.depth).abs() < 2e-5, "{} instead of {}", ours.depth, theirs.depth);
+                assert!(theirs.depth < 2.5, "{} is behind the tip", theirs.depth);
+            }
+        }
+    }
 }
 
 fn the_comparison_detects_thinner_curves() {
