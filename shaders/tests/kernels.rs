@@ -17,8 +17,11 @@ fn choices(kernel: ShaderName) -> Vec<Variant> {
     variants(kernel).unwrap_or_else(|error| panic!("{error}"))
 }
 
+/// A kernel, and what it is with each of its choices.
+type Shaders = (ShaderName, Vec<(Variant, Shader)>);
+
 /// Every kernel with each of its choices, assembled and validated once for all tests.
-static SHADERS: LazyLock<Vec<(ShaderName, Vec<(Variant, Shader)>)>> = LazyLock::new(|| {
+static SHADERS: LazyLock<Vec<Shaders>> = LazyLock::new(|| {
     let shader = |kernel, chosen: &Variant| Shader::new(kernel, chosen).unwrap_or_else(|error| panic!("{error}"));
     let all = |kernel| choices(kernel).into_iter().map(|chosen| (chosen.clone(), shader(kernel, &chosen))).collect();
     kernels().map(|kernel| (kernel, all(kernel))).collect()
@@ -56,7 +59,7 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
 #[test]
 fn no_kernel_has_places_for_more_storage_buffers_than_hosts_request() {
     let is_storage = |kind: &BindingKind| matches!(kind, BindingKind::Storage { .. });
-    let n_places = |(_, shaders): &(ShaderName, Vec<(Variant, Shader)>)| {
+    let n_places = |(_, shaders): &Shaders| {
         let entries = shaders.iter().flat_map(|(_, shader)| &shader.entries);
         let bound = entries.flat_map(|entry| &entry.bindings).filter(|binding| is_storage(&binding.kind));
         bound.map(|binding| (binding.group, binding.number)).collect::<BTreeSet<_>>().len()

@@ -160,7 +160,7 @@ pub(crate) fn span(
             let is_exit = delta * along_d > 0.0;
             let u = if is_exit { &mut exit.1 } else { &mut entry.1 };
             let is_on = -APEX_ROUNDING <= *u && *u <= 1.0 + APEX_ROUNDING;
-            *u = u.max(0.0).min(1.0);
+            *u = u.clamp(0.0, 1.0);
             [has_entry, has_exit] = [is_on && !is_exit, is_on && is_exit];
         }
         if has_entry && base_t + first >= enough {
