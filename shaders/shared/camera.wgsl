@@ -290,7 +290,7 @@ fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {
     first_light[first_light_at][3] = Light(arriving.x, arriving.y, arriving.z);
 }
 
-/// Makes it zero, for a sample that is dropped.
+/// Makes it zero, for a sample that begins or is dropped.
 fn drop_first_light() {
     first_light[first_light_at] = array<Light, 4>();
 }
@@ -338,7 +338,7 @@ fn add_component(n_scattered: u32, light: vec3<f32>) {
     }
 }
 
-/// Makes them zero, for a sample that is dropped.
+/// Makes them zero, for a sample that begins or is dropped.
 fn drop_components() {
     components[components_at] = array<array<f32, 3>, 3>();
 }

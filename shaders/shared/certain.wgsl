@@ -91,7 +91,7 @@ fn ray_again(index: u32) -> Ray {
     return rays[index + (iterations >> 31u)];
 }
 
-/// The ray that entered the top level, without its end.
+/// The ray that entered the top level, without its end. Its direction is the one given, but for components whose scaled ones are subnormal.
 fn ray_of_top_level(t_min: f32) -> Ray {
     return Ray(space.origin, t_min, space.direction * space.to_scaled, FAR);
 }

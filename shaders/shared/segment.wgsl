@@ -3,7 +3,7 @@
 // # Units
 // A segment is tested in units of its size, a power of two: then its axis and radii are below 2, squares are in range, and multiplication by the
 // unit is exact. The first end `a` is the thinner one: where it is a tip, numbers near it are small, and so are their roundings. Positions are relative
-// to it, from the point of the line that is nearest to the middle, so that distance does not cancel: let f be `a` relative to the origin and t the
+// to it, from the point of the line that is nearest to the center, so that distance does not cancel: let f be `a` relative to the origin and t the
 // parameter of that point; then `t d - f` is a point of the line but for its roundings.
 //
 // # What is hit
@@ -17,13 +17,13 @@
 // hit is within 2 E M of the surface (`canted_wide`). The roundings in units of the segment are counted at shared/segment/certain and
 // are below 256 E of its size. So a point at the entry as computed is within HIT_ERROR of the surface, as for triangles: the quadratic equation
 // has terms of v^2 r^2 and v^2 p^2, where p is at most a few sizes from the line, so that rounding moves its value by some 30 E of v^2 r (r + |v|)
-// and its root off the surface by as much of |v| + r. Where a steep line passes a tip, whose radius is 0, all terms are as small as its distance from it.
+// and its root off the surface by as much of |v| + r. Where a steep line passes a tip, whose radius is 0, all terms are as small as the distance of the base from it, which has the rounding of the point of the line.
 // use shared/bvh
 // use shared/triangle/records
 
 /// A segment in its own units, and the line of the ray.
 struct Segment {
-    /// From the first end to the point of the line that is nearest to the middle.
+    /// From the first end to the point of the line that is nearest to the center.
     base: vec3<f32>,
     /// Scaled `t` of that point.
     base_t: f32,

@@ -143,7 +143,7 @@ fn sum_of(one: PixelSample, at: u32) -> SampleSum {
 }
 
 // choice summed/components
-// The light of samples by how many surfaces scattered it: `Components` of `shared/camera/components`.
+// The light of samples by how many surfaces scattered it: `components` of `shared/camera/components`.
 // use shared/summed/parts
 
 /// Numbers of a sample.
@@ -158,7 +158,7 @@ fn number_of(at: u32, k: u32) -> u32 {
 }
 
 // choice summed/first_light
-// The light at the first surface of samples: `FirstLight` of `shared/camera/first_light`.
+// The light at the first surface of samples: `first_light` of `shared/camera/first_light`.
 // use shared/summed/parts
 
 /// Numbers of a sample.

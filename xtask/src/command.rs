@@ -107,7 +107,7 @@ pub(crate) fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
-/// A program of the workspace, as cargo builds it for tests.
+/// A program of the workspace, where cargo builds it for tests: in [`target()`], for the machine itself.
 pub(crate) fn built(name: &str) -> PathBuf {
     root().join(target()).join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
 }

@@ -117,7 +117,7 @@ pub(crate) fn check() -> Result<Outcome> {
 
 /// Compiles kernels for each of `families`, those that the arguments of the program ask for.
 fn measured(families: &[&str], args: &[&str]) -> Result<Measured> {
-    // With the features that tests of the workspace are built with: for the program alone, naga would be compiled once more.
+    // With the features of the workspace: for the program alone, naga would be compiled once more.
     ensure!(
         succeeds(&mut cargo(&["build", "--quiet", "--workspace", "--bin", "canted-kernels"]))?,
         "canted-kernels does not build"

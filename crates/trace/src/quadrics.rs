@@ -49,7 +49,7 @@ impl Cone {
     /// # Method
     /// The solid is convex: a slab between the planes of the disks, and in it all points `p`, relative to the first end, with
     /// `|p x a|² <= a²·r²`, where `a` is the axis and the radius `r` is linear along the line. The coefficients are those of
-    /// [`RoundSegment::span_scaled`](crate::RoundSegment::span_scaled), from the point of the line nearest to the middle.
+    /// [`RoundSegment::span_scaled`](crate::RoundSegment::span_scaled), from the point of the line nearest to the center.
     #[doc(hidden)]
     #[must_use]
     pub fn span_scaled(&self, ray: &ScaledRay) -> Option<[(f32, f32); 2]> {

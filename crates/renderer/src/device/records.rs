@@ -69,10 +69,10 @@ impl From<&PackedGuide> for Guide {
     }
 }
 
-/// `FirstLight` of `shared/camera/first_light`: what the first surface reflects in a sample.
+/// `first_light` of `shared/camera/first_light`: what the first surface reflects in a sample.
 type PackedFirstLight = [[f32; 3]; 4];
 
-/// `Components` of `shared/camera/components`: the light of a sample in its parts.
+/// `components` of `shared/camera/components`: the light of a sample in its parts.
 type PackedComponents = [[f32; 3]; 3];
 
 /// What kernels keep of each sample of a dispatch, on the device.

@@ -83,7 +83,7 @@ pub(crate) trait Simd: Copy {
     /// The greater; `b` of equals, and where one is NaN.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// The one whose bits are less as signed integers: the lesser of two of which neither is negative nor -0.0, else one that is. Some processors
-    /// take a cycle for it where they take four for [`Simd::min`].
+    /// take a cycle for it where they take four for [`Simd::min`]. A positive NaN is above infinity, a negative one below all numbers.
     fn min_bits(self, a: Self::F, b: Self::F) -> Self::F;
     /// The one whose bits are greater as signed integers: the greater of two that are not both negative or -0.0.
     fn max_bits(self, a: Self::F, b: Self::F) -> Self::F;

@@ -283,6 +283,10 @@ fn the_scalar_twin_is_plain_arithmetic() {
     assert_eq!(Scalar.min(a, b)[..5], [1.0, -3.0, -0.0, 0.0, 5.0]);
     assert_eq!(Scalar.min(a, b)[2].to_bits(), (-0.0f32).to_bits(), "the second of equals");
     assert_eq!(Scalar.max(a, b)[3].to_bits(), 0.0f32.to_bits(), "the second of equals");
+    assert_eq!(Scalar.min_bits(a, b)[..4], [1.0, -2.0, -0.0, -0.0], "the less negative of two");
+    assert_eq!(Scalar.min_bits(a, b).map(f32::to_bits)[2..4], [(-0.0f32).to_bits(); 2], "negative zero is less");
+    assert_eq!(Scalar.max_bits(a, b)[..2], [2.0, -3.0], "the more negative of two");
+    assert_eq!(Scalar.max_bits(a, b).map(f32::to_bits)[2..4], [0; 2], "positive zero is greater");
     assert_eq!(Scalar.xor_sign(a, b)[..3], [1.0, 2.0, -0.0]);
     assert_eq!(Scalar.neg_mul_sub(a, b, a)[..2], [-3.0, -4.0]);
     assert_eq!(Scalar.mul_sub(a, b, a)[..2], [1.0, 8.0]);

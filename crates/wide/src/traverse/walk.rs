@@ -223,6 +223,9 @@ pub(crate) fn words(row: &Row) -> &[ChildWord; 8] {
 }
 
 /// Aligned node: rows lo x, hi x, lo y, hi y, lo z, hi z.
+///
+/// Bits may be compared: the ray starts at no less than +0.0, and of exits one of which is negative the result is negative or -0.0, so that the box
+/// is passed, or at worst entered where it is behind. Nothing is NaN (see `traverse`). The same holds of oriented nodes.
 #[inline(always)]
 pub(crate) fn enter_aligned<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], t_max: S::F) -> Entries<S> {
     let [x, y, z] = ray.near_row;
