@@ -61,9 +61,9 @@ fn parts_and_interruptions_at_the_start_leave_no_files() {
     if is_ignored("parts_and_interruptions_at_the_start_leave_no_files") {
         return;
     }
-    let folder = Folder::with_small();
     // Before the first ray, or a part of a picture, which must have all its samples to be merged.
     for (milliseconds, options) in [(0, "out.png --spp 65536"), (2000, "out.exr --samples 0..4096")] {
+        let folder = Folder::with_small();
         let mut command = folder.command(&format!("render small.obj --size 1024x1024 -o {options}"));
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         wait_until(|| catches("INT", &child).unwrap_or(true));
