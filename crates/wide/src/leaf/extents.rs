@@ -122,6 +122,13 @@ fn greatest_of_quarters(whole: [[f64; 2]; 4]) -> [f64; 2] {
 /// The interval of `direction·x` over a box, rounded outward.
 #[must_use]
 pub fn extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f32; 2] {
+    let [lo, hi] = unrounded_extent_of_box(aabb, direction);
+    [down(lo), up(hi)]
+}
+
+/// As [`extent_of_box`], not rounded to f32 yet.
+#[inline]
+pub(super) fn unrounded_extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f64; 2] {
     let (mut lo, mut hi, mut size) = ([0.0; 3], [0.0; 3], 0.0);
     for k in 0..3 {
         let [a, b] = [aabb.min[k], aabb.max[k]].map(|x| f64::from(direction[k]) * f64::from(x));
@@ -129,7 +136,7 @@ pub fn extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f32; 2] {
         size += a.abs().max(b.abs());
     }
     let error = EXTENT_ERROR * size;
-    [down(lo[0] + lo[1] + lo[2] - error), up(hi[0] + hi[1] + hi[2] + error)]
+    [lo[0] + lo[1] + lo[2] - error, hi[0] + hi[1] + hi[2] + error]
 }
 
 /// The box around all points within `radius` of `points`, rounded outward; [`Aabb::EMPTY`] for none, and NaN, which builds

@@ -1,9 +1,10 @@
 //! Primitives of the caller.
 
+use canted_obb::round::{down, up};
 use canted_obb::{Aabb, Moments, Obb, PrimId};
 use canted_trace::{HIT_ERROR, ReferencePoint, RoundSegment, ScaledRay, Side, Sphere};
 
-use super::extents::{extent_of_box, moved_extent};
+use super::extents::{extent_of_box, moved_extent, unrounded_extent_of_box};
 use super::{LeafData, LeafPrimitive};
 use crate::traverse::LeafRange;
 
@@ -266,19 +267,22 @@ impl<'a> Placed<'a> {
 /// wide an interval, that of its bounds remains. So no projection exceeds those of the bounds, as the proof requires. Relative to a
 /// reference point, bounds are rounded to nearest ([`ReferencePoint::ROUNDING`](canted_trace::ReferencePoint::ROUNDING)), own intervals outward.
 pub(crate) fn extents_within(rows: &[[f32; 3]; 3], primitives: &[Placed]) -> [[f32; 3]; 2] {
-    let (mut lo, mut hi, mut extents) = ([f32::MAX; 3], [f32::MIN; 3], [[0.0; 2]; 3]);
+    let (mut lo, mut hi, mut extents) = ([f64::from(f32::MAX); 3], [f64::from(f32::MIN); 3], [[0.0; 2]; 3]);
     for &Placed { primitive, bounds, reference } in primitives {
         let bounds = reference.moved_box(&bounds);
         primitive.extents_along(rows, &mut extents);
         for k in 0..3 {
-            let own = moved_extent(extents[k], rows[k], reference);
-            let of_bounds = extent_of_box(&bounds, rows[k]);
-            // The minimum or maximum of NaN and a number is the number.
-            lo[k] = lo[k].min(of_bounds[0].max(own[0]));
-            hi[k] = hi[k].max(of_bounds[1].min(own[1]));
+            let own = moved_extent(extents[k], rows[k], reference).map(f64::from);
+            let of_bounds = unrounded_extent_of_box(&bounds, rows[k]);
+            // NaN is not greater or less than the bounds.
+            let least = if own[0] > of_bounds[0] { own[0] } else { of_bounds[0] };
+            let greatest = if own[1] < of_bounds[1] { own[1] } else { of_bounds[1] };
+            lo[k] = if least < lo[k] { least } else { lo[k] };
+            hi[k] = if greatest > hi[k] { greatest } else { hi[k] };
         }
     }
-    [lo, hi]
+    // Rounded last: the order of numbers is that of the rounded ones.
+    [lo.map(down), hi.map(up)]
 }
 
 /// A primitive that [`WideBvh::to_bytes`](crate::WideBvh::to_bytes) can write.

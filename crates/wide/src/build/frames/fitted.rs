@@ -5,7 +5,7 @@ use canted_lbvh::Corners;
 use canted_obb::{Moments, eigen};
 use glam::{Vec3A, Vec4};
 
-use super::vector::{frame, to_glam};
+use super::vector::{frame, to_glam, unit};
 use crate::leaf::Placed;
 use crate::par;
 
@@ -166,6 +166,9 @@ pub(crate) struct ScaledBalls {
     radii: Vec4,
 }
 
+/// The square of the bend relative to the chord up to which a curve is straight.
+const STRAIGHT: f32 = 1e-6;
+
 impl ScaledBalls {
     /// Scales the balls of all items and moves the first center to the origin; `None` where items have none.
     pub(crate) fn all(items: &[Placed], scale: f32) -> Option<Vec<Self>> {
@@ -219,8 +222,19 @@ impl Fitted for ScaledBalls {
         Moments { weight: 4.0, mean, scatter: [sum(0, 0), sum(0, 1), sum(0, 2), sum(1, 1), sum(1, 2), sum(2, 2)] }
     }
 
+    /// Along the chord, and as far as a curve is bent in the plane of its bend: a search for principal axes takes several times as long.
     fn own_frame(&self, _: f32) -> Option<[Vec3A; 3]> {
-        principal_frame(&self.moments())
+        let ball = |i: usize| Vec3A::from_array(self.centers.map(|row| row.to_array()[i]));
+        let [a, b, c, d] = [ball(0), ball(1), ball(2), ball(3)];
+        let (chord, bend) = (d - a, (b + c) - (a + d));
+        if bend.length_squared() > chord.length_squared() {
+            return principal_frame(&self.moments());
+        }
+        let along = unit(chord)?;
+        let across = bend - along * bend.dot(along);
+        let is_bent = across.length_squared() > STRAIGHT * chord.length_squared();
+        let second = unit(if is_bent { across } else { along.any_orthonormal_vector() })?;
+        Some([along, second, unit(along.cross(second))?])
     }
 
     fn other_frames(&self) -> impl Iterator<Item = [Vec3A; 3]> {
