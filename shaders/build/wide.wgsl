@@ -163,6 +163,7 @@ fn main(id: Invocation) {
 // use shared/build/wide_word
 // use shared/build/tree/forest
 // const MAX_LEAF
+// const UNIT_QUADS
 
 @group(0) @binding(1) var<storage, read> kinds: array<u32>;
 @group(0) @binding(2) var<storage, read> prefixes: array<u32>;
@@ -185,7 +186,7 @@ fn main(id: Invocation) {
     }
     // A root is not among those before.
     let place = first_units[tree] + select(1u + prefixes[slot] - prefixes[range.first], 0u, is_root);
-    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, kinds[slot] == ORIENTED);
+    wide_words[slot] = UNIT_QUADS / ADDRESS_QUADS * place | select(0u, ORIENTED_WORD, kinds[slot] == ORIENTED);
     wide_slots[place] = slot + 1u;
 }
 
@@ -279,12 +280,43 @@ fn number_of(keys: vec3<u32>) -> vec3<f32> {
 
 // part nodes
 // Wide nodes that are aligned with the axes, in the layout of shared/bvh/node.
+//
+// # Bytes
+// Twin of crates/gpu/src/trace/aligned.rs. An end of a box in steps from the start has one rounding of at most 2^-15, and so has its sum with `OUTWARD`, which is twice
+// as much as both. `MOST_STEPS` leaves a step for that. What devices may flush to zero is less than the pads of rays.
 // Reads: binary tree, boxes, items, the order of wide nodes; their children, unless it finds those.
 // Writes: one node for each; the children of all wide nodes, if it finds them.
-// Holds: boxes are copies of coordinates.
 // use shared/build/wide_target
 // use shared/build/wide/box
 // use ?children
+
+/// The least exponent of a step, 2^-100.
+const LEAST_EXPONENT: u32 = 27u;
+
+/// Steps over which the boxes of a node extend at most, but for roundings.
+const MOST_STEPS: f32 = 254.0;
+
+/// By which ends are rounded outward, in steps: 2^-13.
+const OUTWARD: f32 = 0.0001220703125;
+
+/// The bytes of four children, low and high ends along each axis, and of the other four.
+var<private> rows: array<vec2<u32>, 6>;
+
+/// Low and high ends.
+struct Ends {
+    low: vec3<f32>,
+    high: vec3<f32>,
+}
+
+fn ends_of(child: u32) -> Ends {
+    let box = box_of(child);
+    return Ends(bitcast<vec3<f32>>(vec3<u32>(box[0], box[1], box[2])), bitcast<vec3<f32>>(vec3<u32>(box[3], box[4], box[5])));
+}
+
+/// The exponent of a step for boxes that extend over `length`: the next power of two.
+fn exponent_of(length: f32) -> u32 {
+    return max((bitcast<u32>(length * (1.0 / MOST_STEPS)) + 0x007fffffu) >> 23u, LEAST_EXPONENT);
+}
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -296,20 +328,57 @@ fn main(id: Invocation) {
     if !is_node(unit, false) {
         return;
     }
-    let at = UNIT_WORDS * (target_level.first_unit + unit);
+    let at = first_word_of(unit);
+    // A node has a child.
+    var start = vec3<f32>(FARTHEST);
+    var end = vec3<f32>(-FARTHEST);
     for (var child = 0u; child < WIDTH; child++) {
-        var word = EMPTY;
-        var box = array<u32, 6>(NOWHERE, NOWHERE, NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE);
         let found = wide_children[WIDTH * unit + child];
+        var word = EMPTY;
         if found != NONE {
             word = word_of(found);
-            box = box_of(found);
+            let ends = ends_of(found);
+            start = min(start, ends.low);
+            end = max(end, ends.high);
         }
+        wide_nodes[at + child] = word;
+    }
+    let length = end - start;
+    let exponents = vec3<u32>(exponent_of(length.x), exponent_of(length.y), exponent_of(length.z));
+    let per_step = bitcast<vec3<f32>>((vec3<u32>(254u) - exponents) << vec3<u32>(23u));
+    for (var row = 0u; row < 6u; row++) {
+        rows[row] = vec2<u32>(0u);
+    }
+    for (var child = 0u; child < WIDTH; child++) {
+        let found = wide_children[WIDTH * unit + child];
+        // Of no child: in the wrong order.
+        var low = vec3<u32>(255u);
+        var high = vec3<u32>(0u);
+        if found != NONE {
+            let ends = ends_of(found);
+            let lowest = floor((ends.low - start) * per_step - vec3<f32>(OUTWARD));
+            let highest = ceil((ends.high - start) * per_step + vec3<f32>(OUTWARD));
+            low = vec3<u32>(clamp(lowest, vec3<f32>(0.0), vec3<f32>(255.0)));
+            high = vec3<u32>(clamp(highest, vec3<f32>(0.0), vec3<f32>(255.0)));
+        }
+        let half = child >> 2u;
+        let shift = 8u * (child & 3u);
         for (var k = 0u; k < 3u; k++) {
-            wide_nodes[at + 16u * k + child] = box[k];
-            wide_nodes[at + 16u * k + 8u + child] = box[k + 3u];
+            rows[2u * k][half] |= low[k] << shift;
+            rows[2u * k + 1u][half] |= high[k] << shift;
         }
-        wide_nodes[at + 48u + child] = word;
+    }
+    for (var k = 0u; k < 3u; k++) {
+        wide_nodes[at + 8u + k] = bitcast<u32>(start[k]);
+    }
+    wide_nodes[at + 11u] = exponents.x | (exponents.y << 8u) | (exponents.z << 16u);
+    for (var row = 0u; row < 4u; row++) {
+        wide_nodes[at + 12u + row] = rows[row].x;
+        wide_nodes[at + 16u + row] = rows[row].y;
+    }
+    for (var row = 4u; row < 6u; row++) {
+        wide_nodes[at + 16u + row] = rows[row].x;
+        wide_nodes[at + 18u + row] = rows[row].y;
     }
 }
 
@@ -363,7 +432,7 @@ fn main(id: Invocation) {
     if unit >= slice.end || !is_node(unit, true) {
         return;
     }
-    let at = UNIT_WORDS * (target_level.first_unit + unit);
+    let at = first_word_of(unit);
     for (var child = 0u; child < WIDTH; child++) {
         let found = wide_children[WIDTH * unit + child];
         if found == NONE {
@@ -376,22 +445,22 @@ fn main(id: Invocation) {
         for (var k = 0u; k < 3u; k++) {
             let row = rows[k];
             let half = extent_along(row, box.frame, box.half_extents) + 4.0 * ROUNDING * dot(abs(row), abs(box.center));
-            wide_nodes[at + 16u * k + child] = bitcast<u32>(dot(row, box.center));
-            wide_nodes[at + 16u * k + 8u + child] = bitcast<u32>(half * (1.0 + 2.0 * ROUNDING));
+            wide_nodes[at + 16u * k + 16u + child] = bitcast<u32>(dot(row, box.center));
+            wide_nodes[at + 16u * k + 24u + child] = bitcast<u32>(half * (1.0 + 2.0 * ROUNDING));
         }
-        wide_nodes[at + 48u + child] = word_of(found);
-        wide_nodes[at + 56u + child] = frame;
+        wide_nodes[at + child] = word_of(found);
+        wide_nodes[at + 8u + child] = frame;
     }
 }
 
 /// An empty slot.
 fn put_nothing(at: u32) {
     for (var k = 0u; k < 3u; k++) {
-        wide_nodes[at + 16u * k] = 0u;
-        wide_nodes[at + 16u * k + 8u] = MINUS_NOWHERE;
+        wide_nodes[at + 16u * k + 16u] = 0u;
+        wide_nodes[at + 16u * k + 24u] = MINUS_NOWHERE;
     }
-    wide_nodes[at + 48u] = EMPTY;
-    wide_nodes[at + 56u] = 0u;
+    wide_nodes[at] = EMPTY;
+    wide_nodes[at + 8u] = 0u;
 }
 
 // part triangles

@@ -598,10 +598,11 @@ fn box_of(child: u32) -> array<u32, 6> {
 // Where wide nodes are written.
 // use shared/build/wide/leaves
 // use shared/build/wide_word
+// const UNIT_QUADS
 
 struct Level {
-    /// The first unit of memory of this level.
-    first_unit: u32,
+    /// The first quad of this level.
+    first_quad: u32,
     /// Whether a leaf holds one item of the top level.
     is_top: u32,
 }
@@ -616,12 +617,14 @@ struct Level {
 /// A word that refers to nothing.
 const EMPTY: u32 = 0x7fffffffu;
 
-/// The bits of 2^63, beyond all coordinates, and of its negative: for a box that no ray enters.
-const NOWHERE: u32 = 0x5f000000u;
+/// 2^63, beyond all coordinates, and the bits of its negative: for a box that no ray enters.
+const FARTHEST: f32 = 9223372036854775808.0;
 const MINUS_NOWHERE: u32 = 0xdf000000u;
 
-/// Words of a unit.
-const UNIT_WORDS: u32 = 64u;
+/// The first word of a unit of memory, which is a node.
+fn first_word_of(unit: u32) -> u32 {
+    return 4u * (target_level.first_quad + UNIT_QUADS * unit);
+}
 
 /// Whether a wide node of a kind starts at a unit. Roots are aligned.
 fn is_node(unit: u32, is_oriented: bool) -> bool {
@@ -643,13 +646,13 @@ fn word_of(child: u32) -> u32 {
 }
 
 // part wide_word
-// Kinds of wide nodes, and their words: the first cache line, and the kind. As in shared/bvh.
+// Kinds of wide nodes, and their words: the address, and the kind. As in shared/bvh.
 
 const ALIGNED: u32 = 1u;
 const ORIENTED: u32 = 2u;
 
-/// Cache lines of a unit of memory, which is a node.
-const UNIT_LINES: u32 = 4u;
+/// Quads of the unit of node addresses.
+const ADDRESS_QUADS: u32 = 2u;
 
 /// Bits of a word for the kind of an oriented node.
 const ORIENTED_WORD: u32 = 0x20000000u;

@@ -9,10 +9,12 @@
 // shared/triangle) plus the error of the instance's transform (shared/level/instances). The ray is thickened by `e` and by the
 // rounding of the box test, following the proof in `canted_wide`'s traversal with other constants:
 //
-// * Axis-aligned boxes in the mesh frame: planes are intersected at `lo * r - (o + pad) * r`. Two products, the shifted origin,
-//   and for `t * d` the quotient and the difference: E (1 + 1 + 1 + 3.5) = 6.5 E of S.
+// * Axis-aligned boxes in the mesh frame: a plane is at `start + step * byte`, and is intersected at
+//   `byte * (step * r) + (start * r - (o + pad) * r)`. `step` is a power of two, so `step * r` is exact. The boxes of a node extend over at most
+//   2.1 S. The shifted origin, three products and the inner difference, and for `t * d` the quotient and the sum:
+//   E (1 + 1 + 1 + 2.1 + 1 + 3.5) = 9.6 E of S.
 // * Rotated mesh frame: origin and direction have three terms each with at most three roundings per term, along a row whose
-//   absolute components sum to at most sqrt(3). Together with the above: sqrt(3) (6 + 6.5) E of S.
+//   absolute components sum to at most sqrt(3). Together with the above: sqrt(3) (6 + 9.6) E of S.
 // * A frame per child: four roundings in `row * o - c`, three in `row * d`, then the product `q * a`, the padded half-extent,
 //   its product, and 3.5 for `t * d'`: sqrt(3) (7 + 1 + 1 + 1 + 3.5) E of S.
 //
@@ -36,8 +38,8 @@ const TINY: f32 = 1e-36;
 const ROOT_3: f32 = 1.7320509;
 
 /// Rounding of a box test relative to S: axis-aligned, in a rotated frame, in a child's own frame.
-const ALIGNED_ROUNDING: f32 = 7.5 * ROUNDING;
-const ROTATED_ROUNDING: f32 = 14.0 * ROUNDING;
+const ALIGNED_ROUNDING: f32 = 11.0 * ROUNDING;
+const ROTATED_ROUNDING: f32 = 17.0 * ROUNDING;
 const ORIENTED_ROUNDING: f32 = 15.0 * ROUNDING;
 
 /// Smallest absolute component of a direction in a box test, 2^-64.
@@ -176,12 +178,12 @@ fn caller_t(t: f32) -> f32 {
 /// Key of a child that the ray does not enter.
 const MISSED: u32 = 0xffffffffu;
 
-/// Quads per cache line, the unit of node addresses, as a power of two.
-const LINE_QUADS_LOG2: u32 = 2u;
+/// Quads of the unit of node addresses, 32 bytes, as a power of two.
+const ADDRESS_QUADS_LOG2: u32 = 1u;
 
 /// First quad of a node.
 fn quads_of(word: u32) -> u32 {
-    return space.first_node + ((word & 0x1fffffffu) << LINE_QUADS_LOG2);
+    return space.first_node + ((word & 0x1fffffffu) << ADDRESS_QUADS_LOG2);
 }
 
 fn quad(at: u32) -> vec4<f32> {
@@ -190,12 +192,12 @@ fn quad(at: u32) -> vec4<f32> {
 
 /// The words of four children.
 fn child_words(word: u32, half: u32) -> vec4<u32> {
-    return nodes[quads_of(word) + 12u + half];
+    return nodes[quads_of(word) + half];
 }
 
 /// The word of a child.
 fn child_word(word: u32, child: u32) -> u32 {
-    return nodes[quads_of(word) + 12u + (child >> 2u)][child & 3u];
+    return nodes[quads_of(word) + (child >> 2u)][child & 3u];
 }
 
 /// Scaled `t` where the ray enters and leaves four boxes.
@@ -204,21 +206,34 @@ struct Spans {
     far: vec4<f32>,
 }
 
-/// Rows lo x, hi x, lo y, hi y, lo z, hi z in the mesh frame.
-fn aligned_spans(at: u32, t_max: f32) -> Spans {
-    // Rows are two quads. For a negative direction the near plane is the upper one.
-    let near_quads = vec3<u32>(0u, 4u, 8u) + select(vec3<u32>(0u), vec3<u32>(2u), space.recip < vec3<f32>(0.0));
-    let q = vec3<u32>(at) + near_quads;
-    let p = vec3<u32>(at) + (near_quads ^ vec3<u32>(2u));
-    let near_x = quad(q.x) * space.recip.x - vec4<f32>(space.near.x);
-    let near_y = quad(q.y) * space.recip.y - vec4<f32>(space.near.y);
-    let near_z = quad(q.z) * space.recip.z - vec4<f32>(space.near.z);
-    let far_x = quad(p.x) * space.recip.x - vec4<f32>(space.far.x);
-    let far_y = quad(p.y) * space.recip.y - vec4<f32>(space.far.y);
-    let far_z = quad(p.z) * space.recip.z - vec4<f32>(space.far.z);
+/// Spans of four children of an aligned node. Its boxes are bytes in the frame of the mesh, after Ylitie, Karras and Laine 2017: the third quad has where they start and,
+/// in bytes, the exponents of their steps. Then there is one quad for each half with the low and high ends along x and y, and one with those along z.
+fn aligned_spans(at: u32, half: u32, t_max: f32) -> Spans {
+    let head = nodes[at + 2u];
+    let exponents = vec3<u32>(head.w << 23u, head.w << 15u, head.w << 7u) & vec3<u32>(0x7f800000u);
+    let step = bitcast<vec3<f32>>(exponents) * space.recip;
+    let start = bitcast<vec3<f32>>(head.xyz) * space.recip;
+    let near_start = start - space.near;
+    let far_start = start - space.far;
+    let xy = nodes[at + 3u + half];
+    let z_of_both = nodes[at + 5u];
+    let z = select(z_of_both.xy, z_of_both.zw, half != 0u);
+    // For a negative direction the near plane is the upper one.
+    let backward = space.recip < vec3<f32>(0.0);
+    let near_x = bytes(select(xy.x, xy.y, backward.x)) * step.x + vec4<f32>(near_start.x);
+    let near_y = bytes(select(xy.z, xy.w, backward.y)) * step.y + vec4<f32>(near_start.y);
+    let near_z = bytes(select(z.x, z.y, backward.z)) * step.z + vec4<f32>(near_start.z);
+    let far_x = bytes(select(xy.y, xy.x, backward.x)) * step.x + vec4<f32>(far_start.x);
+    let far_y = bytes(select(xy.w, xy.z, backward.y)) * step.y + vec4<f32>(far_start.y);
+    let far_z = bytes(select(z.y, z.x, backward.z)) * step.z + vec4<f32>(far_start.z);
     let near = max(max(near_x, near_y), max(near_z, vec4<f32>(space.t_min)));
     let far = min(min(far_x, far_y), min(far_z, vec4<f32>(t_max)));
     return Spans(near, far);
+}
+
+/// The bytes of a word.
+fn bytes(word: u32) -> vec4<f32> {
+    return vec4<f32>(vec4<u32>(word & 255u, (word >> 8u) & 255u, (word >> 16u) & 255u, word >> 24u));
 }
 
 /// Keys of four children of a node.
@@ -270,7 +285,7 @@ fn ordered(a: vec4<u32>, b: vec4<u32>) -> u32 {
 
 /// Spans of four children of a node.
 fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
-    return aligned_spans(quads_of(word) + half, t_max);
+    return aligned_spans(quads_of(word), half, t_max);
 }
 
 // choice node_kinds/any
@@ -280,28 +295,28 @@ fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
 
 /// Spans of four children of a node.
 fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
-    let at = quads_of(word) + half;
+    let at = quads_of(word);
     switch word >> 29u {
         case 0u: {
-            return aligned_spans(at, t_max);
+            return aligned_spans(at, half, t_max);
         }
         default: {
-            return oriented_spans(at, t_max);
+            return oriented_spans(at + 2u + half, t_max);
         }
     }
 }
 
-/// Rows: centers and half-extents along each of three axes; after the words, frames.
+/// Frames, then rows: centers and half-extents along each of three axes.
 fn oriented_spans(at: u32, t_max: f32) -> Spans {
-    let frames = bitcast<vec4<i32>>(nodes[at + 14u]);
+    let frames = bitcast<vec4<i32>>(nodes[at]);
     let a = vec4<f32>(extractBits(frames, 0u, 11u)) * FRAME_STEP;
     let b = vec4<f32>(extractBits(frames, 11u, 11u)) * FRAME_STEP;
     let c = vec4<f32>(extractBits(frames, 21u, 11u)) * FRAME_STEP;
     let rest = 0.5 * ((FRAME_REAL * FRAME_REAL - a * a) - (b * b + c * c));
     var spans = Spans(vec4<f32>(space.t_min), vec4<f32>(t_max));
-    spans = clipped(spans, at, rest + a * a, a * b - FRAME_REAL * c, a * c + FRAME_REAL * b);
-    spans = clipped(spans, at + 4u, a * b + FRAME_REAL * c, rest + b * b, b * c - FRAME_REAL * a);
-    return clipped(spans, at + 8u, a * c - FRAME_REAL * b, b * c + FRAME_REAL * a, rest + c * c);
+    spans = clipped(spans, at + 2u, rest + a * a, a * b - FRAME_REAL * c, a * c + FRAME_REAL * b);
+    spans = clipped(spans, at + 6u, a * b + FRAME_REAL * c, rest + b * b, b * c - FRAME_REAL * a);
+    return clipped(spans, at + 10u, a * c - FRAME_REAL * b, b * c + FRAME_REAL * a, rest + c * c);
 }
 
 /// Spans between the planes across the rows x, y, z of four children.

@@ -24,8 +24,10 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 /// Most triangles of a leaf: those that a ray tests at once.
 pub const MAX_LEAF: u32 = 4;
 
-/// Quads of a unit of memory, which is a node, and of a triangle.
-const UNIT_QUADS: u32 = 16;
+/// Quads of a node, aligned and oriented, of the unit of node addresses, and of a triangle.
+const ALIGNED_QUADS: u32 = 6;
+const ORIENTED_QUADS: u32 = 16;
+const ADDRESS_QUADS: u32 = 2;
 const TRIANGLE_QUADS: usize = 3;
 
 /// Eight-wide BVHs in device memory: those over triangles, then that over instances.
@@ -88,23 +90,23 @@ impl WideBvhs {
         if n > 1 << 26 {
             return Err(GpuError::Unsupported { what: format!("a wide BVH over {n} triangles, more than 2^26") });
         }
-        let mut n_units = 0;
+        let mut n_quads = 0;
         let parts = [Some(bottom), top].into_iter().flatten().map(|built| {
-            let first = n_units;
+            let first_quad = n_quads;
             let capacity = Capacity::of(built);
-            n_units += capacity.n_units();
-            (built, capacity, first)
+            n_quads += capacity.n_units() * capacity.unit_quads();
+            (built, capacity, first_quad)
         });
         let parts: Vec<_> = parts.collect();
-        let nodes = gpu.zeroed("wide nodes", n_units as usize * UNIT_QUADS as usize)?;
+        let nodes = gpu.zeroed("wide nodes", n_quads as usize)?;
         let triangles = gpu.zeroed("triangles of leaves", TRIANGLE_QUADS * n as usize)?;
         let mut collapse = Collapse { levels: vec![] };
         let mut levels = vec![];
-        for (number, (built, capacity, first_unit)) in parts.into_iter().enumerate() {
+        for (number, (built, capacity, first_quad)) in parts.into_iter().enumerate() {
             let roots = capacity.roots(built.primitives.ranges());
-            let mut level = CollapsedLevel::new(gpu, built, capacity, first_unit)?;
+            let mut level = CollapsedLevel::new(gpu, built, capacity, first_quad)?;
             level.find(build, built, all(built))?;
-            levels.push(WideLevel { roots, first_quad: UNIT_QUADS * first_unit });
+            levels.push(WideLevel { roots, first_quad });
             collapse.levels.push(level);
             collapse.put(build, built, number, (&nodes, &triangles), (all(built), Change::Trees))?;
         }
@@ -230,7 +232,7 @@ struct Limits {
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct TargetLevel {
-    first_unit: u32,
+    first_quad: u32,
     is_top: u32,
 }
 
@@ -238,8 +240,8 @@ struct TargetLevel {
 struct CollapsedLevel {
     capacity: Capacity,
     first_units: Buffer<u32>,
-    /// The level's first unit among those of all levels.
-    first_unit: u32,
+    /// The level's first quad among those of all levels.
+    first_quad: u32,
     /// The kind of the wide node of each slot, except for roots, and its word.
     kinds: Buffer<u32>,
     words: Buffer<u32>,
@@ -255,7 +257,7 @@ struct CollapsedLevel {
 
 impl CollapsedLevel {
     /// A level that is not collapsed yet.
-    fn new(gpu: &Gpu, built: &Built, capacity: Capacity, first_unit: u32) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, built: &Built, capacity: Capacity, first_quad: u32) -> Result<Self, GpuError> {
         let n = built.primitives.len() as usize;
         Ok(Self {
             first_units: gpu.buffer("first units of trees", &capacity.first_units)?,
@@ -265,7 +267,7 @@ impl CollapsedLevel {
             children: gpu.zeroed("children of wide nodes", capacity.n_units() as usize)?,
             prefixes: gpu.zeroed("wide nodes before each", n)?,
             passes: vec![],
-            first_unit,
+            first_quad,
             capacity,
         })
     }
@@ -369,6 +371,7 @@ impl CollapsedLevel {
                 let bound = [&bound[..], &[("obbs", obbs)]].concat();
                 dispatches.range(&*gpu.kernel(wgsl::build::wide::KINDS, &chosen)?, &bound, range)?;
             }
+            let chosen = chosen.number(Number::UnitQuads, self.capacity.unit_quads());
             dispatches.range(&*gpu.kernel(wgsl::build::wide::SLOTS, &chosen)?, &bound, range)
         })
     }
@@ -381,10 +384,9 @@ impl CollapsedLevel {
         nodes: &Buffer<[u32; 4]>,
         (trees, change): ([u32; 2], Change),
     ) -> Result<(), GpuError> {
-        const { assert!(UNIT_QUADS == 16, "the kernels write units of 64 words") };
         let gpu = build.gpu();
         let is_top = u32::from(built.primitives.corners().is_none());
-        let level = TargetLevel { first_unit: self.first_unit, is_top };
+        let level = TargetLevel { first_quad: self.first_quad, is_top };
         let level = gpu.uniform("level of wide nodes", &level)?;
         let mut bound = built.primitives.bound(&[
             ("nodes", &built.trees.nodes),
@@ -398,16 +400,20 @@ impl CollapsedLevel {
         ]);
         let units = self.capacity.units(trees);
         build.stage("wide nodes", |dispatches| {
-            let max_leaf = |chosen: Variant| chosen.number(Number::MaxLeaf, self.capacity.max_leaf);
+            let sized = |chosen: Variant| {
+                chosen
+                    .number(Number::MaxLeaf, self.capacity.max_leaf)
+                    .number(Number::UnitQuads, self.capacity.unit_quads())
+            };
             let children = match change {
                 Change::Boxes => choice::Children::Kept,
                 Change::Trees => choice::Children::Found,
             };
-            let chosen = max_leaf(built.primitives.part().with(children));
+            let chosen = sized(built.primitives.part().with(children));
             dispatches.range(&*gpu.kernel(wgsl::build::wide::NODES, &chosen)?, &bound, units)?;
             let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) else { return Ok(()) };
             bound.push(("obbs", obbs));
-            let chosen = max_leaf(Variant::none().with(choice::Children::Kept));
+            let chosen = sized(Variant::none().with(choice::Children::Kept));
             dispatches.range(&*gpu.kernel(wgsl::build::wide::ORIENTED, &chosen)?, &bound, units)
         })
     }
@@ -441,6 +447,11 @@ impl Capacity {
         Self { max_leaf, is_oriented, first_units }
     }
 
+    /// Quads of a unit of memory, in which any node of the level fits.
+    fn unit_quads(&self) -> u32 {
+        if self.is_oriented { ORIENTED_QUADS } else { ALIGNED_QUADS }
+    }
+
     fn n_units(&self) -> u32 {
         self.first_units[self.first_units.len() - 1]
     }
@@ -461,7 +472,7 @@ impl Capacity {
             0 => EMPTY,
             // As in `shared/build.wgsl`.
             n if n <= self.max_leaf => LEAF | (n - 1) << 26 | range.first,
-            _ => 4 * first_unit,
+            _ => self.unit_quads() / ADDRESS_QUADS * first_unit,
         };
         ranges.iter().zip(&self.first_units).map(root).collect()
     }

@@ -11,7 +11,7 @@ use canted_trace::TriangleTest;
 use canted_wide::{RawBvh, TriangleBvh};
 
 use super::TracedScene;
-use super::frames::unpacked;
+use super::packed::unpacked;
 use super::layout::{BvhHeader, EMPTY, LEAF, Quad};
 use super::leaf_triangles::in_blocks;
 use super::nodes::{Nodes, WideNodes};

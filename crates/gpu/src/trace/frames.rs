@@ -1,26 +1,9 @@
-//! Nodes as devices read them: oriented ones with a frame of 32 bits for each child, `shared/bvh/node_kinds/any`.
+//! The boxes of children of oriented nodes as devices read them, with a frame of 32 bits: `shared/bvh/node_kinds/any`.
 //!
-//! On the CPU a child has nine numbers for its frame and a node 512 bytes; on devices all nodes have 256. A frame is rounded to one of
-//! 2^32, and the box of a child becomes the smallest one in that frame around its old box.
-
-use std::collections::BTreeMap;
+//! On the CPU a child has nine numbers for its frame. Here a frame is rounded to one of 2^32, and the box of a child becomes the smallest one in that frame around
+//! its old box.
 
 use canted_obb::vector::{cross, dot};
-use canted_wide::RawBvh;
-
-use super::layout::{EMPTY, LEAF};
-
-/// Children of a node, and words of a line, the unit of node addresses.
-const WIDTH: usize = 8;
-const LINE: usize = 16;
-
-/// Words of a node of a device, and of an oriented one of the CPU.
-const NODE: usize = 64;
-const CPU_NODE: usize = 128;
-
-/// Bit of the words of oriented nodes, and bits of their line.
-const ORIENTED: u32 = 0x2000_0000;
-const LINES: u32 = 0x1fff_ffff;
 
 /// As in `shared/frame`: steps of the components of a quaternion, and its real component.
 const STEP: f32 = 1.0 / 2048.0;
@@ -30,95 +13,20 @@ const REAL: f32 = 2470.0 * STEP;
 const ROUNDINGS: f64 = 32.0 * f64::EPSILON;
 
 /// Three slabs, each of which is a row, a center along it and a half-extent.
-type Slabs = [[f32; 5]; 3];
+pub(super) type Slabs = [[f32; 5]; 3];
 
 /// A child's box: the frame, and for each of its rows the center and the half-extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct PackedBox {
-    frame: u32,
-    ends: [[f32; 2]; 3],
-}
-
-/// A BVH of the CPU with the nodes of a device, in the same order.
-pub(super) fn packed(bvh: RawBvh<'_>) -> RawBvh<'_> {
-    let mut reached = nodes_below(bvh.root, |word| children(&bvh.nodes, word));
-    if reached.iter().all(|word| word & ORIENTED == 0) {
-        return bvh;
-    }
-    reached.sort_unstable_by_key(|word| word & LINES);
-    let moved = |word: u32| {
-        let at = |_| reached.binary_search_by_key(&(word & LINES), |word| word & LINES);
-        let place = (word & LEAF == 0 && word != EMPTY).then_some(()).map(at);
-        place.map_or(word, |place| word & !LINES | (place.unwrap_or_default() * NODE / LINE) as u32)
-    };
-    let mut nodes = vec![0; reached.len() * NODE];
-    for (&word, node) in reached.iter().zip(nodes.chunks_exact_mut(NODE)) {
-        let at = (word & LINES) as usize * LINE;
-        if word & ORIENTED == 0 {
-            node.copy_from_slice(&bvh.nodes[at..at + NODE]);
-        }
-        for (i, child) in children(&bvh.nodes, word).into_iter().enumerate() {
-            node[6 * WIDTH + i] = moved(child);
-            if word & ORIENTED != 0 {
-                let row = |row: usize| f32::from_bits(bvh.nodes[at + row * WIDTH + i]);
-                let slabs: Slabs = std::array::from_fn(|k| std::array::from_fn(|j| row(5 * k + j)));
-                let PackedBox { frame, ends } =
-                    if child == EMPTY { NOWHERE } else { PackedBox::around(&slabs, bvh.reach) };
-                node[7 * WIDTH + i] = frame;
-                ends.as_flattened().iter().enumerate().for_each(|(row, end)| node[row * WIDTH + i] = end.to_bits());
-            }
-        }
-    }
-    RawBvh { nodes: nodes.into(), root: moved(bvh.root), ..bvh }
-}
-
-/// Nodes of a device, and their root, with those of the CPU, whose rows are of unit length.
-///
-/// # Errors
-/// A word that names no node.
-pub(super) fn unpacked(nodes: &[u32], root: u32) -> Result<(Vec<u32>, u32), String> {
-    let mut all = vec![];
-    // The line of each node that was reached, by its word.
-    let mut lines = BTreeMap::new();
-    let mut waiting = vec![root];
-    while let Some(word) = waiting.pop() {
-        if word & LEAF != 0 || word == EMPTY || lines.contains_key(&word) {
-            continue;
-        }
-        let at = (word & LINES) as usize * LINE;
-        let node = nodes.get(at..at + NODE).filter(|_| word & !LINES & !ORIENTED == 0);
-        let node = node.ok_or_else(|| format!("word {word:#010x} names no node"))?;
-        lines.insert(word, (all.len() / LINE) as u32);
-        waiting.extend(&node[6 * WIDTH..7 * WIDTH]);
-        if word & ORIENTED == 0 {
-            all.extend(node);
-            continue;
-        }
-        let start = all.len();
-        all.resize(start + CPU_NODE, 0);
-        for i in 0..WIDTH {
-            let slabs = unit_slabs(
-                node[7 * WIDTH + i],
-                std::array::from_fn(|k| [0, 1].map(|j| f32::from_bits(node[(2 * k + j) * WIDTH + i]))),
-            );
-            let rows = slabs.as_flattened().iter().map(|x| x.to_bits()).chain([node[6 * WIDTH + i]]);
-            rows.enumerate().for_each(|(row, bits)| all[start + row * WIDTH + i] = bits);
-        }
-    }
-    let moved = |word: u32| lines.get(&word).map_or(word, |line| word & ORIENTED | line);
-    for (word, &line) in &lines {
-        let row = if word & ORIENTED == 0 { 6 } else { 15 };
-        let first = line as usize * LINE + row * WIDTH;
-        all[first..first + WIDTH].iter_mut().for_each(|child| *child = moved(*child));
-    }
-    Ok((all, moved(root)))
+pub(super) struct PackedBox {
+    pub(super) frame: u32,
+    pub(super) ends: [[f32; 2]; 3],
 }
 
 /// A box with rows of unit length around one of a device.
 ///
 /// A row errs by half of 2^-24 in each component, so along it a point of the box moves by less than 1.2 · 2^-24 of the sum of its coordinates
 /// along all three rows; the division and the rounding of center and half-extent take as much again.
-fn unit_slabs(frame: u32, ends: [[f32; 2]; 3]) -> Slabs {
+pub(super) fn unit_slabs(frame: u32, ends: [[f32; 2]; 3]) -> Slabs {
     let rows = rows_of(frame).map(|row| row.map(f64::from));
     let unit = 1.0 / dot(rows[0], rows[0]).sqrt();
     let size: f64 = ends.iter().map(|[center, half]| f64::from(center.abs() + half.abs())).sum();
@@ -130,27 +38,7 @@ fn unit_slabs(frame: u32, ends: [[f32; 2]; 3]) -> Slabs {
 }
 
 /// A box that no ray enters.
-const NOWHERE: PackedBox = PackedBox { frame: 0, ends: [[0.0, -9.223_372e18]; 3] };
-
-/// The words of all nodes that are reached from a root, each once.
-fn nodes_below(root: u32, children: impl Fn(u32) -> [u32; WIDTH]) -> Vec<u32> {
-    let mut reached = vec![];
-    let mut waiting = vec![root];
-    while let Some(word) = waiting.pop() {
-        if word & LEAF == 0 && word != EMPTY {
-            reached.push(word);
-            waiting.extend(children(word));
-        }
-    }
-    reached
-}
-
-/// The words of the children of a node of the CPU.
-fn children(nodes: &[u32], word: u32) -> [u32; WIDTH] {
-    let row = if word & ORIENTED == 0 { 6 } else { 15 };
-    let first = (word & LINES) as usize * LINE + row * WIDTH;
-    std::array::from_fn(|i| nodes[first + i])
-}
+pub(super) const NOWHERE: PackedBox = PackedBox { frame: 0, ends: [[0.0, -9.223_372e18]; 3] };
 
 impl PackedBox {
     /// A box around another one of a scene whose coordinates are at most `reach`.
@@ -158,7 +46,7 @@ impl PackedBox {
     /// A point of the old box has coordinates along its rows within the half-extents of the centers. The inverse of the rows takes these
     /// to the point, and the new rows take that to the new coordinates: `w` takes one to the other. Bounds that exceed those of the
     /// scene, which no content does, are replaced by them; this also bounds boxes of rows without an inverse.
-    fn around(slabs: &Slabs, reach: f32) -> Self {
+    pub(super) fn around(slabs: &Slabs, reach: f32) -> Self {
         let old = slabs.map(|slab| [0, 1, 2].map(|k| f64::from(slab[k])));
         let columns = [cross(old[1], old[2]), cross(old[2], old[0]), cross(old[0], old[1])];
         let determinant = dot(old[0], columns[0]);
@@ -242,9 +130,18 @@ mod tests {
     use canted_fixtures::{Hair, Mesh, SplitMix64, Strand, hair, scaffold_of, slivers};
     use canted_wide::{Config, Costs, TriangleBvh};
 
+    use canted_wide::RawBvh;
+
+    use super::super::layout::{EMPTY, LEAF};
     use super::super::leaf_triangles::UploadedBvh;
     use super::super::octants::by_octants;
+    use super::super::packed::{WIDTH, children, first_word, is_oriented, nodes_below, packed, unpacked};
     use super::*;
+
+    /// Words of an oriented node, and the rows with its frames and with centers and half-extents.
+    const NODE: usize = 64;
+    const FRAMES: usize = 1;
+    const ENDS: usize = 2;
 
     /// The matrix by integers, in units of 2^-23.
     fn whole_rows(frame: u32) -> [[i32; 3]; 3] {
@@ -327,10 +224,10 @@ mod tests {
                 for quad in bvh.triangles[first..first + n].as_flattened() {
                     let point = [0, 1, 2].map(|k| f64::from(f32::from_bits(quad[k])));
                     for &(node, child) in &above {
-                        let at = (node & LINES) as usize * LINE + child;
-                        let end = |row: usize| f64::from(f32::from_bits(nodes[at + row * WIDTH]));
+                        let at = first_word(node) + child;
+                        let end = |row: usize| f64::from(f32::from_bits(nodes[at + (ENDS + row) * WIDTH]));
                         // Products have no rounding, and sums less than the pads of the boxes.
-                        let rows = whole_rows(nodes[at + 7 * WIDTH]).map(|row| row.map(|x| f64::from(x) / 8_388_608.0));
+                        let rows = whole_rows(nodes[at + FRAMES * WIDTH]).map(|row| row.map(|x| f64::from(x) / 8_388_608.0));
                         if let Some(k) = (0..3).find(|&k| (dot(rows[k], point) - end(2 * k)).abs() > end(2 * k + 1)) {
                             return Some(format!(
                                 "{point:?} is outside of child {child} of node {node:#x} along axis {k}"
@@ -340,21 +237,16 @@ mod tests {
                 }
                 continue;
             }
-            for (child, below) in children_of(nodes, word).into_iter().enumerate().filter(|(_, below)| *below != EMPTY)
+            for (child, below) in children(nodes, word).into_iter().enumerate().filter(|(_, below)| *below != EMPTY)
             {
                 let mut above = above.clone();
-                if word & ORIENTED != 0 {
+                if is_oriented(word) {
                     above.push((word, child));
                 }
                 waiting.push((below, above));
             }
         }
         None
-    }
-
-    fn children_of(nodes: &[u32], word: u32) -> [u32; WIDTH] {
-        let first = (word & LINES) as usize * LINE + 6 * WIDTH;
-        std::array::from_fn(|i| nodes[first + i])
     }
 
     fn needles() -> [Mesh; 4] {
@@ -378,18 +270,18 @@ mod tests {
             let words = packed(by_octants(&bvh.raw()));
             let mut uploaded = UploadedBvh::over_triangles(words, &[]);
             assert_eq!(flaw(&uploaded), None);
-            let reached = nodes_below(uploaded.words.root, |word| children_of(&uploaded.words.nodes, word));
-            let with_oriented: Vec<u32> = reached.into_iter().filter(|word| word & ORIENTED != 0).collect();
+            let reached = nodes_below(uploaded.words.root, |word| children(&uploaded.words.nodes, word));
+            let with_oriented: Vec<u32> = reached.into_iter().filter(|word| is_oriented(*word)).collect();
             assert!(with_oriented.len() > 10, "{}", with_oriented.len());
             // Boxes that are a tenth smaller are found, and boxes in other frames, but for small ones, most of which is padding.
             let (mut n_found, mut n_changed) = (0, 0);
             for &word in with_oriented.iter().step_by(7) {
-                let at = (word & LINES) as usize * LINE;
+                let at = first_word(word);
                 let before = uploaded.words.nodes[at..at + NODE].to_vec();
                 for is_smaller in [true, false] {
                     let (rows, change): (&[usize], fn(u32) -> u32) = match is_smaller {
-                        true => (&[1, 3, 5], |half| (0.9 * f32::from_bits(half)).to_bits()),
-                        false => (&[7], |frame| frame ^ 0x3c0),
+                        true => (&[ENDS + 1, ENDS + 3, ENDS + 5], |half| (0.9 * f32::from_bits(half)).to_bits()),
+                        false => (&[FRAMES], |frame| frame ^ 0x3c0),
                     };
                     for slot in rows.iter().flat_map(|row| at + row * WIDTH..at + row * WIDTH + WIDTH) {
                         let nodes = uploaded.words.nodes.to_mut();
@@ -417,8 +309,7 @@ mod tests {
             assert_eq!(loaded.raw().nodes.len(), raw.nodes.len());
             // A word that names no node is reported.
             let mut damaged = words.nodes.to_vec();
-            let first = (words.root & LINES) as usize * LINE + 6 * WIDTH;
-            damaged[first] = 0x1000_0000;
+            damaged[first_word(words.root)] = 0x1000_0000;
             assert!(unpacked(&damaged, words.root).unwrap_err().contains("names no node"));
         }
     }

@@ -34,28 +34,9 @@ pub(super) fn check_coordinates(name: impl FnOnce() -> String, reach: f64) -> Re
     Err(GpuError::Unsupported { what: format!("{}, which has coordinates above {MAX_COORDINATE:e}", name()) })
 }
 
-/// As in `shared/bvh.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
+/// As in `shared/bvh.wgsl`: the leaf bit and the empty word.
 pub(super) const LEAF: u32 = 0x8000_0000;
 pub(super) const EMPTY: u32 = 0x7fff_ffff;
-const KIND_SHIFT: u32 = 29;
-pub(super) const LINE_QUADS: usize = 4;
-
-/// Whether all nodes below `root` are aligned.
-pub(super) fn is_aligned(nodes: &[Quad], root: u32) -> bool {
-    let mut waiting = vec![root];
-    while let Some(word) = waiting.pop() {
-        if word & LEAF != 0 || word == EMPTY {
-            continue;
-        }
-        if word >> KIND_SHIFT != 0 {
-            return false;
-        }
-        // A node has its words in the last two of its sixteen quads but two.
-        let words = &nodes[word as usize * LINE_QUADS + 12..][..2];
-        waiting.extend(words.as_flattened());
-    }
-    true
-}
 
 /// Header of a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

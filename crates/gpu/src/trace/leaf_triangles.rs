@@ -8,11 +8,9 @@ use canted_trace::RoundSegment;
 use canted_wide::RawBvh;
 
 use super::layout::{EMPTY, LEAF, Quad};
+use super::packed::{WIDTH, first_word};
 
-/// Children of a node, its row with their words, words of a line, which is the unit of node addresses, and words of half a block.
-const WIDTH: usize = 8;
-const WORDS_ROW: usize = 6;
-const LINE: usize = 16;
+/// Words of half a block.
 const HALF_WORDS: usize = 40;
 
 /// Rows of a triangle in a block: nine coordinates and its number.
@@ -126,13 +124,12 @@ fn each_leaf(nodes: &mut [u32], root: &mut u32, mut change: impl FnMut(&mut u32)
     if *root & LEAF != 0 {
         return change(root);
     }
-    let mut is_seen = vec![false; nodes.len() / LINE + 1];
+    let mut is_seen = vec![false; nodes.len()];
     let mut waiting = vec![*root];
     while let Some(word) = waiting.pop() {
-        let line = (word & 0x1fff_ffff) as usize;
-        let first = line * LINE + WORDS_ROW * WIDTH;
+        let first = first_word(word);
         let Some(children) = nodes.get_mut(first..first + WIDTH) else { continue };
-        if std::mem::replace(&mut is_seen[line], true) {
+        if std::mem::replace(&mut is_seen[first], true) {
             continue;
         }
         for child in children.iter_mut().filter(|child| **child != EMPTY) {
@@ -145,6 +142,7 @@ fn each_leaf(nodes: &mut [u32], root: &mut u32, mut change: impl FnMut(&mut u32)
 mod tests {
     use canted_wide::{Config, Costs, TriangleBvh};
 
+    use super::super::packed::packed;
     use super::*;
 
     /// Blocks of the CPU become triangles and blocks again, for leaves of every size.
@@ -161,7 +159,7 @@ mod tests {
             let costs = Costs { aligned_node: 100.0, oriented_node: 1e6, leaf: 0.1, block: 0.1, max_leaf };
             let bvh = TriangleBvh::build_with(&positions, &indices, Config { costs, ..Config::default() }).unwrap();
             let raw = bvh.raw();
-            let uploaded = UploadedBvh::over_triangles(raw.clone(), &[]);
+            let uploaded = UploadedBvh::over_triangles(packed(raw.clone()), &[]);
             assert_eq!(uploaded.triangles.len(), n);
             for [a, b, c] in &uploaded.triangles {
                 let at = indices[a[3] as usize].map(|vertex| positions[vertex as usize].map(f32::to_bits));
@@ -189,9 +187,9 @@ mod tests {
     #[test]
     fn nodes_that_refer_to_themselves_are_followed_once() {
         let mut nodes = vec![EMPTY; 64];
-        nodes[48] = 0;
-        nodes[49] = 1000;
-        nodes[50] = LEAF;
+        nodes[0] = 0;
+        nodes[1] = 1000;
+        nodes[2] = LEAF;
         let mut root = 0;
         let triangles = [[1, 2, 3, 4], [5, 6, 7, 0], [8, 9, 10, 0]];
         assert_eq!(in_blocks(&mut nodes, &mut root, &triangles).unwrap().len(), HALF_WORDS);

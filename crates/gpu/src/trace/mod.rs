@@ -11,12 +11,14 @@
 
 mod layout;
 
-mod leaf_triangles;
-
+mod aligned;
 mod frames;
-mod leaf_curves;
 mod octants;
+mod packed;
 mod ray_list;
+
+mod leaf_curves;
+mod leaf_triangles;
 
 mod instances;
 

@@ -13,9 +13,10 @@ use bytemuck::{Pod, Zeroable};
 use canted_lbvh::{Bits, Corners, Strategy};
 
 use super::driver::DriverScene;
-use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
+use super::layout::{BvhHeader, EMPTY, HitError, LEAF, Quad, Start};
 use super::leaf_curves::{CurveKernels, CurveKinds};
 use super::leaf_triangles::UploadedBvh;
+use super::packed::are_aligned;
 use crate::build::{
     BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig, WideLevel,
     depth_bound,
@@ -417,7 +418,7 @@ impl WideNodes {
         let wide = Self {
             nodes: joined(gpu, "nodes", &nodes)?,
             triangles: joined(gpu, "triangles of leaves", &triangles)?,
-            is_aligned: bvhs.iter().all(|(bvh, _)| is_aligned(quads(&bvh.words.nodes), bvh.words.root)),
+            is_aligned: bvhs.iter().all(|(bvh, _)| are_aligned(&bvh.words.nodes, bvh.words.root)),
             curves,
             collapse: None,
         };
@@ -474,11 +475,14 @@ impl Start {
     }
 }
 
+/// Quads that any BVH has room for in a sequence of frames.
+const LEAST_ROOM: usize = 4;
+
 /// Quads that a BVH with these gets: in a sequence of frames some more than it has, so that those after it stay in their places
 /// while it changes.
 fn n_quads(gpu: &Gpu, quads: &[Quad]) -> usize {
     let n = quads.len();
-    if gpu.keeps_buffers() { n.next_multiple_of((n.next_power_of_two() / 8).max(LINE_QUADS)) } else { n }
+    if gpu.keeps_buffers() { n.next_multiple_of((n.next_power_of_two() / 8).max(LEAST_ROOM)) } else { n }
 }
 
 /// The quads of all BVHs, each in its place.
@@ -495,7 +499,7 @@ fn joined(gpu: &Gpu, what: &str, parts: &[&[Quad]]) -> Result<Buffer<Quad>, GpuE
     gpu.read_only(what, &all)
 }
 
-/// Words in groups of four. Lines contain whole quads.
+/// Words in groups of four. Nodes have whole quads.
 fn quads(words: &[u32]) -> &[Quad] {
     bytemuck::cast_slice(words)
 }

@@ -15,6 +15,7 @@ use super::leaf_curves::{CurveKernels, CurveKinds};
 use super::leaf_triangles::UploadedBvh;
 use super::nodes::{DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes, stack_size};
 use super::octants::by_octants;
+use super::packed::packed;
 use super::source::{HostBvh, Levels, Options, Source};
 use super::tables::{Level, Tables};
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
@@ -124,7 +125,7 @@ impl TracedScene {
             Levels::Two(instances) => instances,
         };
         let outer = TopLevel::new(&bounds, instances)?;
-        let words = by_octants(&outer.bvh.raw());
+        let words = packed(by_octants(&outer.bvh.raw()));
         let depth = words.depth + deepest;
         check_depth(depth)?;
         let order = outer.order(&words);

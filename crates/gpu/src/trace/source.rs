@@ -5,7 +5,7 @@ use canted_tlas::Instance;
 use canted_trace::RoundSegment;
 use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
-use super::frames::packed;
+use super::packed::packed;
 use super::instances::MeshBounds;
 use super::leaf_curves::{CurveKinds, DeviceCurve, HostCurves};
 use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
