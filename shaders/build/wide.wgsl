@@ -332,6 +332,7 @@ fn main(id: Invocation) {
     // A node has a child.
     var start = vec3<f32>(FARTHEST);
     var end = vec3<f32>(-FARTHEST);
+    var leaf_bits = 0u;
     for (var child = 0u; child < WIDTH; child++) {
         let found = wide_children[WIDTH * unit + child];
         var word = EMPTY;
@@ -340,6 +341,7 @@ fn main(id: Invocation) {
             let ends = ends_of(found);
             start = min(start, ends.low);
             end = max(end, ends.high);
+            leaf_bits |= (word >> 31u) << child;
         }
         wide_nodes[at + child] = word;
     }
@@ -371,7 +373,7 @@ fn main(id: Invocation) {
     for (var k = 0u; k < 3u; k++) {
         wide_nodes[at + 8u + k] = bitcast<u32>(start[k]);
     }
-    wide_nodes[at + 11u] = exponents.x | (exponents.y << 8u) | (exponents.z << 16u);
+    wide_nodes[at + 11u] = (exponents.x | (exponents.y << 8u)) | ((exponents.z << 16u) | (leaf_bits << 24u));
     for (var row = 0u; row < 4u; row++) {
         wide_nodes[at + 12u + row] = rows[row].x;
         wide_nodes[at + 16u + row] = rows[row].y;

@@ -190,11 +190,6 @@ fn quad(at: u32) -> vec4<f32> {
     return bitcast<vec4<f32>>(nodes[at]);
 }
 
-/// The words of four children.
-fn child_words(word: u32, half: u32) -> vec4<u32> {
-    return nodes[quads_of(word) + half];
-}
-
 /// The word of a child.
 fn child_word(word: u32, child: u32) -> u32 {
     return nodes[quads_of(word) + (child >> 2u)][child & 3u];
@@ -206,29 +201,56 @@ struct Spans {
     far: vec4<f32>,
 }
 
-/// Spans of four children of an aligned node. Its boxes are bytes in the frame of the mesh, after Ylitie, Karras and Laine 2017: the third quad has where they start and,
-/// in bytes, the exponents of their steps. Then there is one quad for each half with the low and high ends along x and y, and one with those along z.
-fn aligned_spans(at: u32, half: u32, t_max: f32) -> Spans {
+/// What the bytes of an aligned node are relative to, prepared for the ray.
+struct NodeSteps {
+    step: vec3<f32>,
+    near_start: vec3<f32>,
+    far_start: vec3<f32>,
+}
+
+/// The boxes of an aligned node are bytes in the frame of the mesh, after Ylitie, Karras and Laine 2017. The third quad has where they start, the exponents of their
+/// steps in three bytes, and a bit for each child that is a leaf. Then there is one quad for each half with the low and high ends along x and y, and one
+/// with those along z.
+fn node_steps(at: u32) -> NodeSteps {
     let head = nodes[at + 2u];
     let exponents = vec3<u32>(head.w << 23u, head.w << 15u, head.w << 7u) & vec3<u32>(0x7f800000u);
-    let step = bitcast<vec3<f32>>(exponents) * space.recip;
     let start = bitcast<vec3<f32>>(head.xyz) * space.recip;
-    let near_start = start - space.near;
-    let far_start = start - space.far;
-    let xy = nodes[at + 3u + half];
-    let z_of_both = nodes[at + 5u];
-    let z = select(z_of_both.xy, z_of_both.zw, half != 0u);
+    return NodeSteps(bitcast<vec3<f32>>(exponents) * space.recip, start - space.near, start - space.far);
+}
+
+/// Spans of four children of an aligned node.
+fn aligned_spans(steps: NodeSteps, xy: vec4<u32>, z: vec2<u32>, t_max: f32) -> Spans {
     // For a negative direction the near plane is the upper one.
     let backward = space.recip < vec3<f32>(0.0);
-    let near_x = bytes(select(xy.x, xy.y, backward.x)) * step.x + vec4<f32>(near_start.x);
-    let near_y = bytes(select(xy.z, xy.w, backward.y)) * step.y + vec4<f32>(near_start.y);
-    let near_z = bytes(select(z.x, z.y, backward.z)) * step.z + vec4<f32>(near_start.z);
-    let far_x = bytes(select(xy.y, xy.x, backward.x)) * step.x + vec4<f32>(far_start.x);
-    let far_y = bytes(select(xy.w, xy.z, backward.y)) * step.y + vec4<f32>(far_start.y);
-    let far_z = bytes(select(z.y, z.x, backward.z)) * step.z + vec4<f32>(far_start.z);
+    let near_x = bytes(select(xy.x, xy.y, backward.x)) * steps.step.x + vec4<f32>(steps.near_start.x);
+    let near_y = bytes(select(xy.z, xy.w, backward.y)) * steps.step.y + vec4<f32>(steps.near_start.y);
+    let near_z = bytes(select(z.x, z.y, backward.z)) * steps.step.z + vec4<f32>(steps.near_start.z);
+    let far_x = bytes(select(xy.y, xy.x, backward.x)) * steps.step.x + vec4<f32>(steps.far_start.x);
+    let far_y = bytes(select(xy.w, xy.z, backward.y)) * steps.step.y + vec4<f32>(steps.far_start.y);
+    let far_z = bytes(select(z.y, z.x, backward.z)) * steps.step.z + vec4<f32>(steps.far_start.z);
     let near = max(max(near_x, near_y), max(near_z, vec4<f32>(space.t_min)));
     let far = min(min(far_x, far_y), min(far_z, vec4<f32>(t_max)));
     return Spans(near, far);
+}
+
+/// Spans of half the children of an aligned node.
+fn spans_of_half(at: u32, half: u32, t_max: f32) -> Spans {
+    let z = nodes[at + 5u];
+    return aligned_spans(node_steps(at), nodes[at + 3u + half], select(z.xy, z.zw, half != 0u), t_max);
+}
+
+/// A mask of the children of an aligned node that the ray enters.
+fn entered_of_aligned(at: u32, t_max: f32) -> u32 {
+    let steps = node_steps(at);
+    let z = nodes[at + 5u];
+    let first = entered_of_half(aligned_spans(steps, nodes[at + 3u], z.xy, t_max));
+    return first | (entered_of_half(aligned_spans(steps, nodes[at + 4u], z.zw, t_max)) << 4u);
+}
+
+/// The same of four children.
+fn entered_of_half(spans: Spans) -> u32 {
+    let bits = select(vec4<u32>(0u), vec4<u32>(1u, 2u, 4u, 8u), spans.near <= spans.far);
+    return (bits.x | bits.y) | (bits.z | bits.w);
 }
 
 /// The bytes of a word.
@@ -285,7 +307,17 @@ fn ordered(a: vec4<u32>, b: vec4<u32>) -> u32 {
 
 /// Spans of four children of a node.
 fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
-    return aligned_spans(quads_of(word), half, t_max);
+    return spans_of_half(quads_of(word), half, t_max);
+}
+
+/// A mask of the children that the ray enters.
+fn entered_of(word: u32, t_max: f32) -> u32 {
+    return entered_of_aligned(quads_of(word), t_max);
+}
+
+/// A mask of the children that are leaves.
+fn leaves_of(word: u32) -> u32 {
+    return nodes[quads_of(word) + 2u].w >> 24u;
 }
 
 // choice node_kinds/any
@@ -298,12 +330,37 @@ fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
     let at = quads_of(word);
     switch word >> 29u {
         case 0u: {
-            return aligned_spans(at, half, t_max);
+            return spans_of_half(at, half, t_max);
         }
         default: {
             return oriented_spans(at + 2u + half, t_max);
         }
     }
+}
+
+/// A mask of the children that the ray enters.
+fn entered_of(word: u32, t_max: f32) -> u32 {
+    let at = quads_of(word);
+    if (word >> 29u) == 0u {
+        return entered_of_aligned(at, t_max);
+    }
+    var entered = 0u;
+    for (var half = 0u; half < 2u; half += 1u) {
+        entered |= entered_of_half(oriented_spans(at + 2u + half, t_max)) << (half << 2u);
+    }
+    return entered;
+}
+
+/// A mask of the children that are leaves.
+fn leaves_of(word: u32) -> u32 {
+    let at = quads_of(word);
+    if (word >> 29u) == 0u {
+        return nodes[at + 2u].w >> 24u;
+    }
+    let first = (nodes[at] >> vec4<u32>(31u)) << vec4<u32>(0u, 1u, 2u, 3u);
+    let second = (nodes[at + 1u] >> vec4<u32>(31u)) << vec4<u32>(4u, 5u, 6u, 7u);
+    let bits = first | second;
+    return (bits.x | bits.y) | (bits.z | bits.w);
 }
 
 /// Frames, then rows: centers and half-extents along each of three axes.

@@ -228,20 +228,20 @@ fn octant_of_space() -> u32 {
 
 /// Masks of the children of a node that the ray enters, in its order: those to traverse, and leaves.
 fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
-    var all = 0u;
-    var leaf = 0u;
     // One in which the loop ends.
     iterations += 3u;
-    for (var half = 0u; half < 2u; half += 1u) {
-        let spans = spans_of(word, half, limit());
-        let ranks = vec4<u32>(0u, 1u, 2u, 3u) ^ vec4<u32>(octant ^ (half << 2u));
-        let bits = select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
-        let of_leaves = bits & (vec4<u32>(0u) - (child_words(word, half) >> vec4<u32>(31u)));
-        all |= (bits.x | bits.y) | (bits.z | bits.w);
-        leaf |= (of_leaves.x | of_leaves.y) | (of_leaves.z | of_leaves.w);
-    }
-    let leaves = select(0u, leaf, are_leaves_apart);
-    return vec2<u32>(all & ~leaves, leaves);
+    let all = entered_of(word, limit());
+    let leaves = select(0u, all & leaves_of(word), are_leaves_apart);
+    let both = in_order((all ^ leaves) | (leaves << 8u), octant);
+    return vec2<u32>(both & 0xffu, both >> 8u);
+}
+
+/// Two masks of children, from bit 0 and from bit 8 on, in the order of the ray: bit `i` is that of child `i ^ octant`.
+fn in_order(masks: u32, octant: u32) -> u32 {
+    var both = masks;
+    both = select(both, ((both & 0x5555u) << 1u) | ((both >> 1u) & 0x5555u), (octant & 1u) != 0u);
+    both = select(both, ((both & 0x3333u) << 2u) | ((both >> 2u) & 0x3333u), (octant & 2u) != 0u);
+    return select(both, ((both & 0x0f0fu) << 4u) | ((both >> 4u) & 0x0f0fu), (octant & 4u) != 0u);
 }
 
 /// A vertex relative to the origin, with permuted axes; the permuted origin would take three registers beside this one.

@@ -69,11 +69,11 @@ impl Steps {
     }
 }
 
-/// The words of an aligned node after those of its children: where its boxes start, the exponents, and the bytes of both halves.
-pub(super) fn packed(boxes: &[Option<Ends>; WIDTH]) -> [u32; 16] {
+/// The words of an aligned node after those of its children: where its boxes start, the exponents with a bit for each child that is a leaf, and the bytes of both halves.
+pub(super) fn packed(boxes: &[Option<Ends>; WIDTH], leaves: u8) -> [u32; 16] {
     let steps = Steps::of(boxes);
     let [x, y, z] = steps.start.map(f32::to_bits);
-    let exponents = steps.exponents[0] | steps.exponents[1] << 8 | steps.exponents[2] << 16;
+    let exponents = steps.exponents[0] | steps.exponents[1] << 8 | steps.exponents[2] << 16 | u32::from(leaves) << 24;
     let mut words = [x, y, z, exponents, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     for (i, child) in boxes.iter().enumerate() {
         for k in 0..3 {
@@ -158,7 +158,7 @@ mod tests {
         let mut random = SplitMix64::new(44);
         let (mut n_smaller, mut n_found) = (0, 0);
         for boxes in nodes(&mut random, 20_000) {
-            let words = packed(&boxes);
+            let words = packed(&boxes, 0);
             assert_eq!(flaw(&boxes, &words), None);
             // Ends of the CPU are outside of those of the device.
             for (ours, back) in boxes.iter().zip(unpacked(&words)) {
@@ -187,7 +187,7 @@ mod tests {
     fn most_bytes_are_used() {
         let mut random = SplitMix64::new(45);
         for boxes in nodes(&mut random, 2000) {
-            let words = packed(&boxes);
+            let words = packed(&boxes, 0);
             for k in 0..3 {
                 let of = |end: usize| boxes.iter().flatten().map(move |ends| ends[end][k]);
                 let extent = of(1).fold(f32::NEG_INFINITY, f32::max) - of(0).fold(f32::INFINITY, f32::min);

@@ -80,7 +80,9 @@ pub(super) fn packed(bvh: RawBvh<'_>) -> RawBvh<'_> {
         nodes.extend(children.map(moved));
         if !is_oriented(word) {
             let ends = |i: usize| [0, 1].map(|end| [0, 2, 4].map(|axis| row(axis + end, i)));
-            nodes.extend(aligned::packed(&std::array::from_fn(|i| (children[i] != EMPTY).then(|| ends(i)))));
+            let boxes = std::array::from_fn(|i| (children[i] != EMPTY).then(|| ends(i)));
+            let leaves = (0..WIDTH).fold(0, |leaves, i| leaves | u8::from(children[i] & LEAF != 0) << i);
+            nodes.extend(aligned::packed(&boxes, leaves));
             continue;
         }
         let boxes = children.iter().enumerate().map(|(i, &child)| {
