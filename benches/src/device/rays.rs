@@ -12,7 +12,7 @@ use canted_gpu::{
 use canted_lbvh::{self as lbvh, Bits, Strategy};
 use canted_renderer::{Levels, SceneBvh, SceneBvhConfig, flatten, traced_scene};
 use canted_trace::{Intersect, Ray, ScaledRay};
-use canted_wide::{Config, Costs, Preset, TriangleBvh};
+use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
 use crate::models::{self, Kind, Model};
@@ -23,9 +23,6 @@ const SCENES: [&str; 3] = ["sponza", "eiffel", "truss"];
 /// Rays of a dispatch.
 const SLICE: usize = 1 << 20;
 
-/// Triangles of a small leaf, at most.
-const FEW_TRIANGLES: usize = 3;
-
 /// Side of the squares of pixels whose rays a work-group traces.
 const SQUARE: usize = 8;
 
@@ -33,38 +30,38 @@ const SQUARE: usize = 8;
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
-        "\n### Rays\n\nPreset balanced, with oriented nodes where they pay off, and with axis-aligned nodes only. {0} x {0} camera \
+        "\n### Rays\n\nPreset balanced with leaves for devices, with oriented nodes where they pay off, and with axis-aligned nodes only. {0} x {0} camera \
          rays of each of four views, in squares of {1} x {1}; one diffuse ray and one occlusion ray from each of their \
          hits. Million rays per second of device time, median (and fastest) of {2} runs; what f32 leaves undecided is traced again by exact \
-         kernels, which is included. Exact: such kernels for all rays, oriented nodes. Small leaves: oriented nodes, \
-         and at most {3} triangles in a leaf, because a device tests one after the other. The last columns: share of such rays with oriented nodes, in \
+         kernels, which is included. Exact: such kernels for all rays, oriented nodes. Leaves of the CPU: oriented nodes, \
+         and leaves for eight triangles at once. The last columns: share of such rays with oriented nodes, in \
          percent, and the number of rays whose traversal the driver cut short.\n\n\
-         | scene | rays | number | oriented | axis-aligned | ratio | exact | oriented over exact | small leaves | undecided | cut |\n\
+         | scene | rays | number | oriented | axis-aligned | ratio | exact | oriented over exact | leaves of the CPU | undecided | cut |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-        bench.scale.resolution, SQUARE, bench.rounds, FEW_TRIANGLES
+        bench.scale.resolution, SQUARE, bench.rounds
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
             let _ = writeln!(out, "| {name} | not available |");
             continue;
         };
-        let oriented = Config::preset(Preset::Balanced);
-        let aligned = Config { oriented: false, rotate_mesh: false, ..oriented };
-        let small = Config { costs: Costs { max_leaf: FEW_TRIANGLES, ..oriented.costs }, ..oriented };
-        let [oriented, aligned, small] = [build(&model, &oriented)?, build(&model, &aligned)?, build(&model, &small)?];
+        let large = Config::preset(Preset::Balanced);
+        let oriented = large.for_devices();
+        let [oriented, aligned, large] =
+            [build(&model, &oriented)?, build(&model, &oriented.axis_aligned())?, build(&model, &large)?];
         let sets = sets(&model, &oriented, bench, 0.0);
         let traced = [
             block_on(TracedScene::new(&bench.gpu, Source::wide(&oriented), Options::default()))?,
             block_on(TracedScene::new(&bench.gpu, Source::wide(&aligned), Options::default()))?,
             block_on(TracedScene::new(&bench.gpu, Source::wide(&oriented), Options::default()))?.with_exact_kernels(),
-            block_on(TracedScene::new(&bench.gpu, Source::wide(&small), Options::default()))?,
+            block_on(TracedScene::new(&bench.gpu, Source::wide(&large), Options::default()))?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let mut casts = vec![];
             for traced in &traced {
                 casts.push(cast(bench, traced, kind, &rays)?);
             }
-            let [oriented, aligned, exact, small] = &casts[..] else { unreachable!("a cast for each of the four") };
+            let [oriented, aligned, exact, large] = &casts[..] else { unreachable!("a cast for each of the four") };
             let _ = writeln!(
                 out,
                 "| {name} | {} | {} | {} | {} | {:.2}x | {} | {:.2}x | {} | {:.2} | {} |",
@@ -75,7 +72,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
                 aligned.median() / oriented.median(),
                 exact.rates(rays.len()),
                 exact.median() / oriented.median(),
-                small.rates(rays.len()),
+                large.rates(rays.len()),
                 1e2 * oriented.n_exact as f64 / rays.len().max(1) as f64,
                 oriented.n_cut.max(aligned.n_cut)
             );
@@ -226,7 +223,8 @@ pub(super) fn levels(out: &mut String, bench: &Bench) -> Result<()> {
         let model = models::of_mesh(Mesh { positions, triangles });
         let sets = sets(&model, &build(&model, &Config::preset(Preset::Balanced))?, bench, FARTHER);
         let traced = [Levels::One, Levels::Two].map(|levels| {
-            let bvh = SceneBvh::build(&scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() })?;
+            let bvh =
+                SceneBvh::build(&scene, &SceneBvhConfig { levels, on_device: true, ..SceneBvhConfig::default() })?;
             Ok(traced_scene(&bench.gpu, &scene, &bvh)?)
         });
         let [one, two]: [Result<TracedScene>; 2] = traced;
@@ -340,7 +338,7 @@ impl Made {
         };
         match *self {
             Self::Uploaded(preset) => {
-                let bvh = TriangleBvh::build_with(positions, triangles, Config::preset(preset))?;
+                let bvh = TriangleBvh::build_with(positions, triangles, Config::preset(preset).for_devices())?;
                 Ok(block_on(TracedScene::new(gpu, Source::wide(&bvh), Options::default()))?)
             }
             Self::Binary(strategy) => {

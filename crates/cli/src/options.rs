@@ -548,6 +548,7 @@ impl StructureOptions {
             volumes: volumes.unwrap_or(default.volumes),
             aligned: aligned.is_some_and(|aligned| aligned.0),
             triangles: triangles.map_or(default.triangles, |triangles| triangles.0),
+            on_device: default.on_device,
         };
         if config.aligned && kind != BvhKind::Wide {
             bail!("--aligned requires --accel wide, not {}", kind.name());

@@ -225,6 +225,8 @@ pub struct SceneBvhConfig {
     pub aligned: bool,
     /// The triangle test.
     pub triangles: TriangleTest,
+    /// Whether a wide BVH has the small leaves that rays on devices prefer ([`Config::for_devices`]).
+    pub on_device: bool,
 }
 
 impl Default for SceneBvhConfig {
@@ -237,6 +239,7 @@ impl Default for SceneBvhConfig {
             volumes: Strategy::Aabb,
             aligned: false,
             triangles: TriangleTest::default(),
+            on_device: false,
         }
     }
 }
@@ -263,6 +266,7 @@ impl SceneBvhConfig {
 
     fn wide(&self) -> Config {
         let preset = Config::preset(self.preset);
+        let preset = if self.on_device { preset.for_devices() } else { preset };
         Config { test: self.triangles, ..if self.aligned { preset.axis_aligned() } else { preset } }
     }
 

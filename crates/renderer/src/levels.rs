@@ -237,6 +237,7 @@ mod tests {
         volumes: canted_lbvh::Strategy::Aabb,
         aligned: false,
         triangles: canted_trace::TriangleTest::Watertight,
+        on_device: false,
     };
 
     fn predicted(choice: LevelChoice) -> PredictedCosts {

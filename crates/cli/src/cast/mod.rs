@@ -16,7 +16,7 @@ use canted_film::AtomicFile;
 use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene, block_on};
 #[cfg(feature = "gpu")]
 use canted_renderer::{DeviceError, traced_scene};
-use canted_renderer::{PrepareError, SceneBvh};
+use canted_renderer::{PrepareError, SceneBvh, SceneBvhConfig};
 use canted_scene::{ReadOptions, Scene};
 use canted_trace::{Hit, Intersect as _, Ray};
 use rayon::prelude::*;
@@ -199,7 +199,7 @@ fn trace(
     structure: &Structure,
     machine: &Machine,
 ) -> Result<(Vec<Answer>, Cost)> {
-    let config = structure.config_for(scene);
+    let config = SceneBvhConfig { on_device: machine.traces_on_gpu(), ..structure.config_for(scene) };
     let on_cpu = OnceCell::new();
     let bvh = || -> Result<&SceneBvh, PrepareError> {
         match on_cpu.get() {

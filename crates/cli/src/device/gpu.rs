@@ -72,6 +72,11 @@ impl Machine {
         self.gpu().is_some_and(|gpu| gpu.info().kind != AdapterKind::Software)
     }
 
+    /// Whether an adapter traces the rays, as far as it supports the scene.
+    pub(crate) fn traces_on_gpu(&self) -> bool {
+        matches!(self, Self::Device(_) | Self::Auto(_))
+    }
+
     /// What computes, where devices round differently.
     pub(crate) fn name(&self) -> String {
         let adapter = self.gpu().map(|gpu| gpu.info().name.clone()).unwrap_or_default();

@@ -109,6 +109,12 @@ impl Machine {
         false
     }
 
+    /// Whether an adapter traces the rays.
+    #[expect(clippy::unused_self, reason = "machines with a GPU have another answer")]
+    pub(crate) fn traces_on_gpu(&self) -> bool {
+        false
+    }
+
     /// What computes.
     pub(crate) fn name(&self) -> String {
         "cpu".to_owned()

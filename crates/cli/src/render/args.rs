@@ -298,9 +298,10 @@ impl Job {
         self.checkpoint.as_ref().map(|(path, _)| ("--checkpoint", path.as_path()))
     }
 
-    /// The job with samples summed where that is faster, unless the options say where.
+    /// The job with leaves for the machine, and samples summed where that is faster, unless the options say where.
     pub(super) fn on(&self, machine: &Machine) -> Self {
         let mut job = self.clone();
+        job.plan.structure.config.on_device = machine.traces_on_gpu();
         let settings = &mut job.plan.settings;
         if self.chooses_sums && machine.has_bus() {
             settings.sums = SampleSums::of_fewer_bytes(settings);

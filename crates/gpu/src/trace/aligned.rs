@@ -146,7 +146,8 @@ mod tests {
                     return None;
                 }
                 let low: [f32; 3] = std::array::from_fn(|k| center[k] + size * (random.unit() as f32));
-                let extent = if random.below(3) == 0 { 0.0 } else { size * (random.unit() as f32) * (random.unit() as f32) };
+                let extent =
+                    if random.below(3) == 0 { 0.0 } else { size * (random.unit() as f32) * (random.unit() as f32) };
                 Some([low, low.map(|x| x + extent * (random.unit() as f32))])
             })
         };

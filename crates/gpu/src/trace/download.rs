@@ -11,10 +11,10 @@ use canted_trace::TriangleTest;
 use canted_wide::{RawBvh, TriangleBvh};
 
 use super::TracedScene;
-use super::packed::unpacked;
 use super::layout::{BvhHeader, EMPTY, LEAF, Quad};
 use super::leaf_triangles::in_blocks;
 use super::nodes::{Nodes, WideNodes};
+use super::packed::unpacked;
 use crate::{Gpu, GpuError};
 
 /// A BVH that was read back from a device: see [`TracedScene::download`].

@@ -227,7 +227,8 @@ mod tests {
                         let at = first_word(node) + child;
                         let end = |row: usize| f64::from(f32::from_bits(nodes[at + (ENDS + row) * WIDTH]));
                         // Products have no rounding, and sums less than the pads of the boxes.
-                        let rows = whole_rows(nodes[at + FRAMES * WIDTH]).map(|row| row.map(|x| f64::from(x) / 8_388_608.0));
+                        let rows =
+                            whole_rows(nodes[at + FRAMES * WIDTH]).map(|row| row.map(|x| f64::from(x) / 8_388_608.0));
                         if let Some(k) = (0..3).find(|&k| (dot(rows[k], point) - end(2 * k)).abs() > end(2 * k + 1)) {
                             return Some(format!(
                                 "{point:?} is outside of child {child} of node {node:#x} along axis {k}"
@@ -237,8 +238,7 @@ mod tests {
                 }
                 continue;
             }
-            for (child, below) in children(nodes, word).into_iter().enumerate().filter(|(_, below)| *below != EMPTY)
-            {
+            for (child, below) in children(nodes, word).into_iter().enumerate().filter(|(_, below)| *below != EMPTY) {
                 let mut above = above.clone();
                 if is_oriented(word) {
                     above.push((word, child));

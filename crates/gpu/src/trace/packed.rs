@@ -128,7 +128,10 @@ pub(super) fn unpacked(nodes: &[u32], root: u32) -> Result<(Vec<u32>, u32), Stri
                 let slabs = unit_slabs(rest[i], std::array::from_fn(|k| [end(2 * k), end(2 * k + 1)]));
                 slabs.as_flattened().iter().map(|x| x.to_bits()).collect()
             };
-            rows.into_iter().chain([children[i]]).enumerate().for_each(|(row, bits)| all[start + row * WIDTH + i] = bits);
+            rows.into_iter()
+                .chain([children[i]])
+                .enumerate()
+                .for_each(|(row, bits)| all[start + row * WIDTH + i] = bits);
         }
     }
     let moved = |word: u32| addresses.get(&word).map_or(word, |address| word & ORIENTED | address);

@@ -5,12 +5,12 @@ use canted_tlas::Instance;
 use canted_trace::RoundSegment;
 use canted_wide::{RawBvh, TriangleBvh, WideBvh};
 
-use super::packed::packed;
 use super::instances::MeshBounds;
 use super::leaf_curves::{CurveKinds, DeviceCurve, HostCurves};
 use super::leaf_triangles::{MOST_TRIANGLES, UploadedBvh};
 use super::nodes::DeviceBvh;
 use super::octants::by_octants;
+use super::packed::packed;
 use crate::GpuError;
 
 /// Where the BVHs of a [`TracedScene`](crate::TracedScene) come from, and what is above them.
