@@ -1,6 +1,6 @@
 //! Binary trees collapsed on the device, compared with a recursion on the CPU, word by word.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::RangeInclusive};
 
 use canted_fixtures::{
     Mesh,
@@ -28,8 +28,11 @@ pub(crate) fn tests() -> Vec<Test> {
 
 const EMPTY: u32 = 0x7fff_ffff;
 const LEAF: u32 = 0x8000_0000;
-/// Beyond all coordinates.
-const NOWHERE: f32 = 9.223_372e18;
+
+/// Words of nodes, aligned and oriented, and of the unit of their addresses.
+const ALIGNED: usize = 24;
+const ORIENTED: usize = 64;
+const ADDRESS: usize = 8;
 
 /// A tree with the boxes of its inner nodes and leaves.
 struct Boxed<'a> {
@@ -144,12 +147,64 @@ fn leaf(first: u32, n: u32) -> u32 {
     LEAF | (n - 1) << 26 | first
 }
 
-/// The words of all nodes and triangles, as far as they are used, and the depth.
-fn expected(
-    twins: &[Twin],
-    ranges: &[Range],
-    first_units: &[usize],
-) -> (BTreeMap<usize, u32>, BTreeMap<usize, u32>, u32) {
+/// What the device makes of trees, as far as it is used.
+#[derive(Default)]
+struct Expected {
+    nodes: BTreeMap<usize, u32>,
+    /// Bytes of the boxes of nodes, whose last bit may depend on roundings.
+    bytes: BTreeMap<usize, RangeInclusive<u8>>,
+    triangles: BTreeMap<usize, u32>,
+    depth: u32,
+}
+
+impl Expected {
+    /// An aligned node from a word on, over children with these words and boxes.
+    fn insert_node(&mut self, at: usize, children: [Option<(u32, Aabb)>; 8]) {
+        let boxes = || children.iter().flatten().map(|(_, aabb)| aabb);
+        let mut head = 0;
+        for (child, found) in children.iter().enumerate() {
+            let word = found.map_or(EMPTY, |(word, _)| word);
+            self.nodes.insert(at + child, word);
+            head |= (word >> 31) << (24 + child);
+        }
+        for k in 0..3 {
+            let start = boxes().map(|aabb| aabb.min[k]).fold(f32::INFINITY, f32::min);
+            let end = boxes().map(|aabb| aabb.max[k]).fold(f32::NEG_INFINITY, f32::max);
+            let exponent = (27..=254).find(|&e| f64::from(power_of_two(e)) * 254.0 >= f64::from(end - start)).unwrap();
+            self.nodes.insert(at + 8 + k, start.to_bits());
+            head |= exponent << (8 * k);
+            for (child, found) in children.iter().enumerate() {
+                let [low, high] = found.map_or([255..=255, 0..=0], |(_, Aabb { min, max })| {
+                    let steps = |x: f32| (f64::from(x) - f64::from(start)) / f64::from(power_of_two(exponent));
+                    // A step of 2^-13 outward, of which roundings are half.
+                    let [small, large] = [0.5, 1.5].map(|slack| slack / 8192.0);
+                    let byte = |steps: f64| steps.clamp(0.0, 255.0) as u8;
+                    let (low, high) = (steps(min[k]), steps(max[k]));
+                    [
+                        byte((low - large).floor())..=byte((low - small).floor()),
+                        byte((high + small).ceil())..=byte((high + large).ceil()),
+                    ]
+                });
+                self.bytes.insert(4 * at + byte_of(child, k, 0), low);
+                self.bytes.insert(4 * at + byte_of(child, k, 1), high);
+            }
+        }
+        self.nodes.insert(at + 11, head);
+    }
+}
+
+fn power_of_two(biased_exponent: u32) -> f32 {
+    f32::from_bits(biased_exponent << 23)
+}
+
+/// The byte of a node with the low or high end of a child along an axis.
+fn byte_of(child: usize, k: usize, end: usize) -> usize {
+    let half = child / 4;
+    let word = if k < 2 { 12 + 4 * half + 2 * k + end } else { 20 + 2 * half + end };
+    4 * word + child % 4
+}
+
+fn expected(twins: &[Twin], ranges: &[Range], first_units: &[usize]) -> Expected {
     let boxed: Vec<Boxed<'_>> = twins.iter().map(Boxed::of).collect();
     let trees: Vec<_> = boxed.iter().map(Boxed::collapse).collect();
     // In the room of a tree, nodes come by slot, the root first.
@@ -159,29 +214,21 @@ fn expected(
             units.insert(range.first + slot, first_unit + i);
         }
     }
-    let (mut nodes, mut triangles) = (BTreeMap::new(), BTreeMap::new());
+    let mut expected = Expected::default();
     for (number, ((boxed, (wide, _)), range)) in boxed.iter().zip(&trees).zip(ranges).enumerate() {
         let unit = |slot: u32| units[&(range.first + slot)];
         for (&slot, children) in wide {
-            let at = 64 * unit(slot);
-            for (child, found) in children.iter().enumerate() {
-                let (word, Aabb { min, max }) = match *found {
-                    None => (EMPTY, Aabb { min: [NOWHERE; 3], max: [-NOWHERE; 3] }),
-                    Some(found) => {
-                        let (first, n) = boxed.range(found);
-                        let word = match found.kind() {
-                            ChildKind::Inner(id) if n > MAX_LEAF => u32::try_from(4 * unit(id.0)).unwrap(),
-                            _ => leaf(range.first + first, n),
-                        };
-                        (word, boxed.aabb(found))
-                    }
-                };
-                for k in 0..3 {
-                    nodes.insert(at + 16 * k + child, min[k].to_bits());
-                    nodes.insert(at + 16 * k + 8 + child, max[k].to_bits());
-                }
-                nodes.insert(at + 48 + child, word);
-            }
+            let child = |found: Option<Child>| {
+                found.map(|found| {
+                    let (first, n) = boxed.range(found);
+                    let word = match found.kind() {
+                        ChildKind::Inner(id) if n > MAX_LEAF => u32::try_from(ALIGNED / ADDRESS * unit(id.0)).unwrap(),
+                        _ => leaf(range.first + first, n),
+                    };
+                    (word, boxed.aabb(found))
+                })
+            };
+            expected.insert_node(ALIGNED * unit(slot), children.map(child));
         }
         let leaves = wide.values().flatten().flatten().map(|&child| boxed.range(child)).filter(|&(_, n)| n <= MAX_LEAF);
         let n = range.count;
@@ -192,20 +239,21 @@ fn expected(
                 let corners = flat_as_edge(twins[number].primitives[primitive.index()]);
                 let words = words_of_triangle(&corners, primitive.0);
                 let at = 12 * (range.first + position) as usize;
-                triangles.extend(words.into_iter().enumerate().map(|(i, word)| (at + i, word)));
+                expected.triangles.extend(words.into_iter().enumerate().map(|(i, word)| (at + i, word)));
             }
         }
     }
-    (nodes, triangles, trees.iter().map(|tree| tree.1).max().unwrap_or(0))
+    expected.depth = trees.iter().map(|tree| tree.1).max().unwrap_or(0);
+    expected
 }
 
 /// The first difference between the words on the device and the CPU's.
 fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Result<(), String> {
     let device = device.as_flattened();
-    // Both zeros of a box are equal, because the minimum of two zeros may be either.
-    let same = |at: usize, a: u32, b: u32| a == b || at % 64 < 48 && (a | b) == 1 << 31;
+    // Both zeros of a coordinate are equal, because the minimum of two zeros may be either.
+    let same = |a: u32, b: u32| a == b || (a | b) == 1 << 31;
     for (&at, &word) in cpu {
-        if device.get(at).is_none_or(|&found| !same(at, found, word)) {
+        if device.get(at).is_none_or(|&found| !same(found, word)) {
             return Err(format!("{what}: word {at} is {:x?} for {word:x}", device.get(at)));
         }
     }
@@ -219,13 +267,18 @@ fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(),
     let wide = WideBvhs::new(&mut build, &built, None).unwrap();
     let (nodes, triangles) = (block_on(gpu.read(&wide.nodes)).unwrap(), block_on(gpu.read(&wide.triangles)).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
-    let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
-    let (cpu_nodes, cpu_triangles, depth) = expected(twins, built.primitives.ranges(), &first_units);
-    unequal("nodes", &nodes, &cpu_nodes)?;
-    unequal("triangles", &triangles, &cpu_triangles)?;
+    let first_units: Vec<usize> =
+        wide.levels[0].roots.iter().map(|&root| root as usize / (ALIGNED / ADDRESS)).collect();
+    let expected = expected(twins, built.primitives.ranges(), &first_units);
+    unequal("nodes", &nodes, &expected.nodes)?;
+    let found = |at: usize| nodes.as_flattened().get(at / 4).map_or(0, |word| word.to_le_bytes()[at % 4]);
+    if let Some((&at, range)) = expected.bytes.iter().find(|&(&at, range)| !range.contains(&found(at))) {
+        return Err(format!("nodes: byte {at} is {} for {range:?}", found(at)));
+    }
+    unequal("triangles", &triangles, &expected.triangles)?;
     let depths = block_on(wide.depths(gpu)).unwrap();
-    if depths != [depth] {
-        return Err(format!("depth: {depths:?} for {depth}"));
+    if depths != [expected.depth] {
+        return Err(format!("depth: {depths:?} for {}", expected.depth));
     }
     for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
         check(&Wide { nodes: &nodes, leaves: &triangles, root }, &twin.primitives)
@@ -318,7 +371,7 @@ pub(crate) struct Wide<'a> {
 #[derive(Clone, Debug)]
 enum Volume {
     /// Three lower planes, three upper.
-    Aligned([[f32; 3]; 2]),
+    Aligned([[f64; 3]; 2]),
     /// For each axis its components, the center and the half-extent.
     Oriented([[f32; 5]; 3]),
 }
@@ -359,23 +412,36 @@ pub(crate) fn check(wide: &Wide<'_>, triangles: &[Corners]) -> Result<usize, Str
             _ => return Err(format!("{word:x} is no word")),
         };
         n_oriented += usize::from(is_oriented);
-        let start = 16 * (word & 0x1fff_ffff) as usize;
-        let words = wide.nodes.as_flattened().get(start..start + 64).ok_or(format!("no node {word:x}"))?;
-        let children = &words[48..56];
+        let start = ADDRESS * (word & 0x1fff_ffff) as usize;
+        let n_words = if is_oriented { ORIENTED } else { ALIGNED };
+        let words = wide.nodes.as_flattened().get(start..start + n_words).ok_or(format!("no node {word:x}"))?;
+        let children = &words[..8];
         let n_children = children.iter().filter(|&&word| word != EMPTY).count();
         if n_children < 2 {
             return Err(format!("node {word:x} has {n_children} children"));
         }
         for (i, &child) in children.iter().enumerate() {
-            let row = |k: usize| f32::from_bits(words[8 * k + i]);
             let volume = if is_oriented {
-                let axes = axes_of(words[56 + i]);
+                let row = |k: usize| f32::from_bits(words[16 + 8 * k + i]);
+                let axes = axes_of(words[8 + i]);
                 Volume::Oriented(std::array::from_fn(|k| {
                     let [x, y, z] = axes[k];
                     [x, y, z, row(2 * k), row(2 * k + 1)]
                 }))
             } else {
-                Volume::Aligned([[row(0), row(2), row(4)], [row(1), row(3), row(5)]])
+                if (child & LEAF != 0) != (words[11] >> (24 + i) & 1 != 0) {
+                    return Err(format!("child {i} of node {word:x} is marked as what it is not"));
+                }
+                let end = |k: usize, end: usize| {
+                    let at = byte_of(i, k, end);
+                    let byte = f64::from(words[at / 4].to_le_bytes()[at % 4]);
+                    if child == EMPTY {
+                        return byte;
+                    }
+                    let step = power_of_two(words[11] >> (8 * k) & 255);
+                    f64::from(f32::from_bits(words[8 + k])) + byte * f64::from(step)
+                };
+                Volume::Aligned([0, 1].map(|side| [0, 1, 2].map(|k| end(k, side))))
             };
             if child == EMPTY {
                 if !volume.is_nowhere() {
@@ -397,7 +463,7 @@ pub(crate) fn check(wide: &Wide<'_>, triangles: &[Corners]) -> Result<usize, Str
 impl Volume {
     fn contains(&self, corners: &Corners) -> bool {
         let inside = |p: &[f32; 3]| match self {
-            Self::Aligned([low, high]) => (0..3).all(|k| low[k] <= p[k] && p[k] <= high[k]),
+            Self::Aligned([low, high]) => (0..3).all(|k| low[k] <= p[k].into() && f64::from(p[k]) <= high[k]),
             Self::Oriented(slabs) => slabs.iter().all(|&[x, y, z, center, half]| {
                 // Products are exact in f64, and sums err by less than what box tests add for rounding.
                 let at: f64 = [x, y, z].iter().zip(p).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum();
@@ -407,10 +473,10 @@ impl Volume {
         corners.iter().all(inside)
     }
 
-    /// Whether no ray can enter the box.
+    /// Whether no ray can enter the box, but for pads.
     fn is_nowhere(&self) -> bool {
         match self {
-            Self::Aligned([low, high]) => (0..3).all(|k| low[k] > 1e18 && high[k] < -1e18),
+            Self::Aligned([low, high]) => (0..3).all(|k| low[k] > high[k]),
             Self::Oriented(slabs) => slabs.iter().all(|&[.., half]| half < -1e18),
         }
     }
@@ -465,33 +531,44 @@ fn flaws_are_found() {
         change(&mut nodes, &mut leaves);
         checked(&nodes, &leaves, 0).expect_err("the flaw is not seen")
     };
-    assert!(flaw(&|nodes, _| nodes[8] = 3.9f32.to_bits()).contains("leaves the box"));
-    assert!(flaw(&|nodes, _| nodes[49] = nodes[48]).contains("leaves the box"));
-    assert!(flaw(&|nodes, _| nodes[49] = EMPTY).contains("children"));
-    assert!(flaw(&|nodes, _| nodes[49] = 400).contains("no node"));
-    assert!(flaw(&|nodes, _| nodes[49] = LEAF | 400).contains("outside of the triangles"));
-    assert!(flaw(&|nodes, _| nodes[49] = 0).contains("more nodes"));
-    assert!(flaw(&|nodes, _| nodes[2] = 0).contains("empty slot"));
+    // The high end along x of the first child, and both ends of the third.
+    assert!(flaw(&|nodes, _| nodes[13] -= 1).contains("leaves the box"));
+    assert!(flaw(&|nodes, _| nodes[12] &= !(0xff << 16)).contains("empty slot"));
+    assert!(flaw(&|nodes, _| nodes[1] = nodes[0]).contains("leaves the box"));
+    assert!(flaw(&|nodes, _| nodes[1] = EMPTY).contains("children"));
+    assert!(flaw(&|nodes, _| unmarked(nodes, 400)).contains("no node"));
+    assert!(flaw(&|nodes, _| nodes[1] = LEAF | 400).contains("outside of the triangles"));
+    assert!(flaw(&|nodes, _| unmarked(nodes, 0)).contains("more nodes"));
+    assert!(flaw(&|nodes, _| nodes[11] ^= 1 << 24).contains("marked"));
     assert!(flaw(&|_, leaves| leaves[3] = 4).contains("has corners"));
     assert!(flaw(&|_, leaves| leaves[12] = 7).contains("has corners"));
-    assert!(flaw(&|nodes, _| nodes[48] &= !(1 << 26)).contains("triangle 3 is in 0 leaves"));
+    assert!(flaw(&|nodes, _| nodes[0] &= !(1 << 26)).contains("triangle 3 is in 0 leaves"));
     assert!(checked(&nodes, &leaves, EMPTY).unwrap_err().contains("triangle 0 is in 0 leaves"));
 }
 
-/// One node over a check_leaf of four triangles and one of one.
+/// Replaces a leaf by a word of a node.
+fn unmarked(nodes: &mut [u32], word: u32) {
+    nodes[1] = word;
+    nodes[11] &= !(1 << 25);
+}
+
+/// One node over a leaf of four triangles and one of one. Its boxes start at the origin, and a step is 1.
 fn by_hand(triangles: &[Corners]) -> (Vec<u32>, Vec<u32>) {
-    let mut nodes = vec![0; 64];
+    let mut bytes = [0_u8; 4 * ALIGNED];
     for child in 0..8 {
         let planes = match child {
-            0 => [[0.0, 4.0], [0.0, 1.0], [0.0, 1.0]],
-            1 => [[4.0, 5.0], [0.0, 1.0], [0.0, 1.0]],
-            _ => [[9e18, -9e18]; 3],
+            0 => [[0, 4], [0, 1], [0, 1]],
+            1 => [[4, 5], [0, 1], [0, 1]],
+            _ => [[255, 0]; 3],
         };
-        for (row, x) in planes.as_flattened().iter().enumerate() {
-            nodes[8 * row + child] = f32::to_bits(*x);
+        for (k, ends) in planes.into_iter().enumerate() {
+            ends.into_iter().enumerate().for_each(|(end, byte)| bytes[byte_of(child, k, end)] = byte);
         }
-        nodes[48 + child] = [LEAF | 3 << 26, LEAF | 4].get(child).copied().unwrap_or(EMPTY);
     }
+    let mut nodes: Vec<u32> = bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+    nodes[..8].fill(EMPTY);
+    nodes[..2].copy_from_slice(&[LEAF | 3 << 26, LEAF | 4]);
+    nodes[11] = 127 | 127 << 8 | 127 << 16 | 0b11 << 24;
     let leaves = (0u32..).zip(triangles).flat_map(|(id, corners)| words_of_triangle(corners, id)).collect();
     (nodes, leaves)
 }
