@@ -159,14 +159,18 @@
 //! | BVH | bit 31 is 1: a leaf | bit 31 is 0: a node |
 //! |---|---|---|
 //! | binary | the other bits are an index into `corners`, or in the top level into `instance_order` | an index into `nodes`, in nodes, whichever BVH it belongs to |
-//! | wide | bits 26 to 30: triangles or instances, less one. Bits 0 to 25: the first triangle, counted from that of the BVH; in the top level, an index into `instance_order` | bits 29 and 30: the kind, 0 aligned, 1 oriented. Bits 0 to 28: distance from the first node of the BVH, in units of 64 bytes |
+//! | wide | bits 26 to 30: triangles or instances, less one. Bits 0 to 25: the first triangle, counted from that of the BVH; in the top level, an index into `instance_order` | bits 29 and 30: the kind, 0 aligned, 1 oriented. Bits 0 to 28: distance from the first node of the BVH, in units of 32 bytes |
 //!
 //! A binary node is two children. In a BVH with axis-aligned boxes ([`Strategy::Aabb`]) a node has 64 bytes and a child two rows: lower ends and word, upper
 //! ends and zero. In all others a node has 128 bytes and a child four rows: three times an axis and the half-extent along it, then center and word.
 //!
-//! A wide node has 256 bytes, eight children, and a double row of eight numbers for each property. Aligned nodes have lower and upper ends along
-//! x, along y, along z, the words, and unused numbers. Oriented nodes have the center and the half-extent along each of
-//! three axes, the words, and frames. A frame is the rotation by a quaternion `(2470, a, b, c)`; a, b, c are integers of 11 bits with signs, from bits 0, 11 and 21 on.
+//! A wide node has eight children, whose words come first. An aligned node has 96 bytes. Its third row is the point at which its boxes start and a word: in three
+//! bytes the exponents of the steps along x, y and z, biased as in `f32`, in the fourth a bit for each child that is a leaf. Then there are the ends of the boxes
+//! in steps, a byte each. Two rows, for the first and the last four children, have a word each for the lower ends along x, the upper ones, and the same along y; the last
+//! row has those along z of the first four children and of the last. Ends are rounded outward by about 2^-13 of a step more than needed. Of a child that does not exist they are 255 and 0.
+//!
+//! An oriented node has 256 bytes: after the words there are double rows with a frame for each child, and with the center and the half-extent along each of
+//! three axes. A frame is the rotation by a quaternion `(2470, a, b, c)`; a, b, c are integers of 11 bits with signs, from bits 0, 11 and 21 on.
 //! The axes are the rows of its matrix divided by 2^23, whose length is below 1. Only the CPU builds leaves of more than four triangles.
 //!
 //! # Guarantees
@@ -178,7 +182,8 @@
 //! * A batch of rays has the CPU's hits on curves, or leaves the ray to the CPU ([`Outcome::Incomplete`]); kernels that use the traversal take the answer of
 //!   single precision, which is within [`HIT_ERROR`] of the surface.
 //! * Morton codes, sort order and topology, by radix or by clustering, are the same integers as on the CPU; clustering does so for triangles larger
-//!   than about 1e-18, whose areas are not zero. Equal input gives equal words of wide nodes; volumes enclose their primitives.
+//!   than about 1e-18, whose areas are not zero. Equal input gives equal words of wide nodes on a device, and on others too, but for bytes of boxes, in which roundings
+//!   may differ; volumes enclose their primitives.
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
 //!   another, and no subgroup size is assumed.
 //! * Without an adapter [`Gpu::open`] returns an error. A software driver counts as an adapter.
