@@ -151,7 +151,7 @@ mod tests {
                 Some([low, low.map(|x| x + extent * (random.unit() as f32))])
             })
         };
-        (0..n).map(|round| node(round)).collect()
+        (0..n).map(&mut node).collect()
     }
 
     #[test]
