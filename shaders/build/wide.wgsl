@@ -282,8 +282,13 @@ fn number_of(keys: vec3<u32>) -> vec3<f32> {
 // Wide nodes that are aligned with the axes, in the layout of shared/bvh/node.
 //
 // # Bytes
-// Twin of crates/gpu/src/trace/aligned.rs. An end of a box in steps from the start has one rounding of at most 2^-15, and so has its sum with `OUTWARD`, which is twice
-// as much as both. `MOST_STEPS` leaves a step for that. What devices may flush to zero is less than the pads of rays.
+// Twin of crates/gpu/src/trace/aligned.rs. An end of a box in steps from the start has one rounding of at most 2^-15, and so has its sum
+// with `OUTWARD`, which is four times as much as both. `MOST_STEPS` leaves a step for that. What devices may flush to zero is less than
+// the pads of rays.
+//
+// A node may hold the point of an instance that is not visible, which is beyond the coordinates that the pads of rays are for
+// (shared/bvh). The ends of its other boxes are relative to the same start then, and a ray's test of them errs by at most `3 * 254 * 2^-23`
+// steps: less than what is left of `OUTWARD`.
 // Reads: binary tree, boxes, items, the order of wide nodes; their children, unless it finds those.
 // Writes: one node for each; the children of all wide nodes, if it finds them.
 // use shared/build/wide_target
@@ -293,11 +298,14 @@ fn number_of(keys: vec3<u32>) -> vec3<f32> {
 /// The least exponent of a step, 2^-100.
 const LEAST_EXPONENT: u32 = 27u;
 
+/// So that an exponent has eight bits, and the inverse of a step is a number.
+const GREATEST_EXPONENT: u32 = 253u;
+
 /// Steps over which the boxes of a node extend at most, but for roundings.
 const MOST_STEPS: f32 = 254.0;
 
-/// By which ends are rounded outward, in steps: 2^-13.
-const OUTWARD: f32 = 0.0001220703125;
+/// By which ends are rounded outward, in steps: 2^-12.
+const OUTWARD: f32 = 0.000244140625;
 
 /// The bytes of four children, low and high ends along each axis, and of the other four.
 var<private> rows: array<vec2<u32>, 6>;
@@ -313,9 +321,9 @@ fn ends_of(child: u32) -> Ends {
     return Ends(bitcast<vec3<f32>>(vec3<u32>(box[0], box[1], box[2])), bitcast<vec3<f32>>(vec3<u32>(box[3], box[4], box[5])));
 }
 
-/// The exponent of a step for boxes that extend over `length`: the next power of two.
+/// The exponent of a step for boxes that extend over `length`: the next power of two. The difference of two zeros may be negative.
 fn exponent_of(length: f32) -> u32 {
-    return max((bitcast<u32>(length * (1.0 / MOST_STEPS)) + 0x007fffffu) >> 23u, LEAST_EXPONENT);
+    return clamp((bitcast<u32>(abs(length) * (1.0 / MOST_STEPS)) + 0x007fffffu) >> 23u, LEAST_EXPONENT, GREATEST_EXPONENT);
 }
 
 @compute @workgroup_size(64)

@@ -10,9 +10,9 @@
 // rounding of the box test, following the proof in `canted_wide`'s traversal with other constants:
 //
 // * Axis-aligned boxes in the mesh frame: a plane is at `start + step * byte`, and is intersected at
-//   `byte * (step * r) + (start * r - (o + pad) * r)`. `step` is a power of two, so `step * r` is exact. The boxes of a node extend over at most
-//   2.1 S. The shifted origin, three products and the inner difference, and for `t * d` the quotient and the sum:
-//   E (1 + 1 + 1 + 2.1 + 1 + 3.5) = 9.6 E of S.
+//   `byte * (step * r) + (start * r - (o + pad) * r)`. `step` is a power of two, so `step * r` is exact. The boxes of a node extend over at
+//   most 2.1 S (build/wide/nodes says what holds where they extend farther). The shifted origin, three products and the inner difference,
+//   and for `t * d` the quotient and the sum: E (1 + 1 + 1 + 2.1 + 1 + 3.5) = 9.6 E of S.
 // * Rotated mesh frame: origin and direction have three terms each with at most three roundings per term, along a row whose
 //   absolute components sum to at most sqrt(3). Together with the above: sqrt(3) (6 + 9.6) E of S.
 // * A frame per child: four roundings in `row * o - c`, three in `row * d`, then the product `q * a`, the padded half-extent,
@@ -208,9 +208,9 @@ struct NodeSteps {
     far_start: vec3<f32>,
 }
 
-/// The boxes of an aligned node are bytes in the frame of the mesh, after Ylitie, Karras and Laine 2017. The third quad has where they start, the exponents of their
-/// steps in three bytes, and a bit for each child that is a leaf. Then there is one quad for each half with the low and high ends along x and y, and one
-/// with those along z.
+/// The boxes of an aligned node are bytes in the frame of the mesh, after Ylitie, Karras and Laine 2017. The third quad has where they start,
+/// the exponents of their steps in three bytes, and a bit for each child that is a leaf. Then there is one quad for each half with the low
+/// and high ends along x and y, and one with those along z.
 fn node_steps(at: u32) -> NodeSteps {
     let head = nodes[at + 2u];
     let exponents = vec3<u32>(head.w << 23u, head.w << 15u, head.w << 7u) & vec3<u32>(0x7f800000u);

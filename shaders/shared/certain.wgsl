@@ -228,7 +228,7 @@ fn octant_of_space() -> u32 {
 
 /// Masks of the children of a node that the ray enters, in its order: those to traverse, and leaves.
 fn entered(word: u32, octant: u32, are_leaves_apart: bool) -> vec2<u32> {
-    // One in which the loop ends.
+    // For the loop over halves of an oriented node, with the one in which it ends.
     iterations += 3u;
     let all = entered_of(word, limit());
     let leaves = select(0u, all & leaves_of(word), are_leaves_apart);

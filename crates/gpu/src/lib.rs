@@ -167,7 +167,7 @@
 //! A wide node has eight children, whose words come first. An aligned node has 96 bytes. Its third row is the point at which its boxes start and a word: in three
 //! bytes the exponents of the steps along x, y and z, biased as in `f32`, in the fourth a bit for each child that is a leaf. Then there are the ends of the boxes
 //! in steps, a byte each. Two rows, for the first and the last four children, have a word each for the lower ends along x, the upper ones, and the same along y; the last
-//! row has those along z of the first four children and of the last. Ends are rounded outward by about 2^-13 of a step more than needed. Of a child that does not exist they are 255 and 0.
+//! row has those along z of the first four children and of the last. Ends are rounded outward by 2^-12 of a step more than needed. Of a child that does not exist they are 255 and 0.
 //!
 //! An oriented node has 256 bytes: after the words there are double rows with a frame for each child, and with the center and the half-extent along each of
 //! three axes. A frame is the rotation by a quaternion `(2470, a, b, c)`; a, b, c are integers of 11 bits with signs, from bits 0, 11 and 21 on.

@@ -9,7 +9,8 @@
 //!   The host refuses fewer answers than rays, and lists of undecided rays with room for fewer than are traced (`trace/query`,
 //!   `trace/stream`). The rows of a curve are those that the host wrote for its record (`trace/leaf_curves`).
 //! * *Nodes, triangles, instances*: a BVH of the CPU is checked when it is built or loaded, so its words refer to its own nodes and triangles; nodes
-//!   that the device builds are numbered from the sorted codes alone, whatever the vertices are. The top level refers to the uploaded instances.
+//!   that the device builds are numbered from the sorted codes alone, whatever the vertices are. A node marks the children that are leaves
+//!   by the bits of their words; the exponents beside these bits have eight bits, whatever the boxes are. The top level refers to the uploaded instances.
 //! * *The stack*: it has an entry for each level of nodes, and the host makes it as large as the depth of the BVHs (`trace/scene`).
 //! * *Rows of a node*: children are numbered by three bits.
 //! * *Loops*: every one counts its iterations up to a constant, or a number that the word of a leaf limits to 32.

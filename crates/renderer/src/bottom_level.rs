@@ -225,7 +225,7 @@ pub struct SceneBvhConfig {
     pub aligned: bool,
     /// The triangle test.
     pub triangles: TriangleTest,
-    /// Whether a wide BVH has the small leaves that rays on devices prefer ([`Config::for_devices`]).
+    /// Whether a wide BVH has small leaves, which are faster on devices ([`Config::for_devices`]).
     pub on_device: bool,
 }
 

@@ -88,7 +88,7 @@ impl Config {
         Self { oriented: false, rotate_mesh: false, ..self }
     }
 
-    /// The same settings with the leaves that rays on devices prefer.
+    /// The same settings with [`Costs::ON_DEVICES`] in place of their own: small leaves, which are faster on devices.
     #[must_use]
     pub fn for_devices(self) -> Self {
         Self { costs: Costs::ON_DEVICES, ..self }
@@ -141,8 +141,9 @@ impl Default for Costs {
 }
 
 impl Costs {
-    /// Costs on GPUs, where a ray tests the primitives of a leaf one after another: small leaves, which cost little. After Ylitie, Karras and Laine 2017, who have
-    /// leaves of at most three triangles.
+    /// Costs on GPUs, where a ray tests the primitives of a leaf one after another: leaves are small and cost less. After Ylitie, Karras
+    /// and
+    /// Laine 2017, who have leaves of at most three triangles.
     pub const ON_DEVICES: Self = Self { aligned_node: 1.0, oriented_node: 2.2, leaf: 0.5, block: 0.2, max_leaf: 3 };
 
     /// The cost of testing a node of this kind.

@@ -26,6 +26,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(a_downloaded_radix_tree_is_that_of_the_cpu),
         needs_device(bvhs_of_the_cpu_and_meshes_of_two_levels_come_back),
         needs_device(damaged_bvhs_are_refused),
+        needs_device(other_marks_of_leaves_are_refused),
     ]
 }
 
@@ -185,6 +186,18 @@ fn damaged_bvhs_are_refused() {
             assert!(message.starts_with("the BVH on the device is damaged: "), "{message}");
             assert!(expected.split('|').any(|part| message.contains(part)), "{bvh:?}, {at}, {value:x}: {message}");
         }
+    }
+}
+
+/// An aligned node says again which of its children are leaves; so does what is read back.
+fn other_marks_of_leaves_are_refused() {
+    let gpu = gpu();
+    let scene = scene(&gpu, &soup(9, 300), wide(Strategy::Aabb, Topology::Radix));
+    let nodes = block_on(gpu.read::<[u32; 4]>(scene.buffer("nodes").unwrap())).unwrap();
+    for child in 0..8 {
+        overwrite(&gpu, &scene, 11, nodes[2][3] ^ 1 << (24 + child));
+        let message = block_on(scene.download(&gpu)).unwrap_err().to_string();
+        assert!(message.contains("marks other children as leaves"), "{message}");
     }
 }
 

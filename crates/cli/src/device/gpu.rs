@@ -72,7 +72,7 @@ impl Machine {
         self.gpu().is_some_and(|gpu| gpu.info().kind != AdapterKind::Software)
     }
 
-    /// Whether an adapter traces the rays, as far as it supports the scene.
+    /// Whether an adapter is to trace the rays. Where the CPU takes its place later, it has the small leaves of devices.
     pub(crate) fn traces_on_gpu(&self) -> bool {
         matches!(self, Self::Device(_) | Self::Auto(_))
     }

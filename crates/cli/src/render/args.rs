@@ -301,7 +301,8 @@ impl Job {
     /// The job with leaves for the machine, and samples summed where that is faster, unless the options say where.
     pub(super) fn on(&self, machine: &Machine) -> Self {
         let mut job = self.clone();
-        job.plan.structure.config.on_device = machine.traces_on_gpu();
+        // Boxes that are drawn are the same on every machine.
+        job.plan.structure.config.on_device = machine.traces_on_gpu() && self.boxes.is_none();
         let settings = &mut job.plan.settings;
         if self.chooses_sums && machine.has_bus() {
             settings.sums = SampleSums::of_fewer_bytes(settings);

@@ -1,10 +1,9 @@
 //! Aligned nodes as devices read them: the boxes of the children in bytes, `shared/bvh/node`.
 //!
-//! After Ylitie, Karras and Laine 2017: the ends of the boxes are whole steps from where the boxes of the node start, and a step is a power of two. The ends are rounded
-//! outward. Twin of the kernel `build/wide/nodes`, which has the same numbers.
+//! After Ylitie, Karras and Laine 2017: the ends of the boxes are whole steps from where the boxes of the node start, and a step is a power
+//! of two. The ends are rounded outward. Twin of the kernel `build/wide/nodes`, which has the same numbers.
 
-/// Children of a node.
-const WIDTH: usize = 8;
+use super::packed::WIDTH;
 
 /// The box of a child: the low and the high ends.
 pub(super) type Ends = [[f32; 3]; 2];
@@ -20,14 +19,18 @@ struct Steps {
 /// The least exponent of a step, 2^-100: its products with the reciprocals of directions stay normal.
 const LEAST_EXPONENT: u32 = 27;
 
+/// So that an exponent has eight bits, and the inverse of a step is a number.
+const GREATEST_EXPONENT: u32 = 253;
+
 /// Steps over which the boxes of a node extend at most, but for roundings. One less than bytes have, for what the ends are rounded outward.
 const MOST_STEPS: f32 = 254.0;
 
 /// By which ends are rounded outward, in steps. A distance in steps has one rounding, and so has its sum with this number: each is at most
-/// 2^-23 of 256 steps, and this is twice as much as both.
-const OUTWARD: f32 = 1.0 / 8192.0;
+/// 2^-23 of 256 steps, and this is four times as much as both; the kernel says what the rest is for.
+const OUTWARD: f32 = 1.0 / 4096.0;
 
-/// Bytes of a child that does not exist: its ends are in the wrong order. A ray whose pads are larger than the node may enter it, which kernels allow.
+/// Bytes of a child that does not exist: its ends are in the wrong order. A ray whose pads are larger than the node may enter it, which
+/// kernels allow.
 const NOWHERE: [u8; 2] = [255, 0];
 
 impl Steps {
@@ -43,9 +46,10 @@ impl Steps {
             return Self { start: [0.0; 3], exponents: [LEAST_EXPONENT; 3] };
         }
         let exponent = |k: usize| {
-            let least = (high[k] - low[k]) * (1.0 / MOST_STEPS);
+            // The difference of two zeros may be negative.
+            let least = (high[k] - low[k]).abs() * (1.0 / MOST_STEPS);
             // The next power of two.
-            ((least.to_bits() + 0x007f_ffff) >> 23).max(LEAST_EXPONENT)
+            ((least.to_bits() + 0x007f_ffff) >> 23).clamp(LEAST_EXPONENT, GREATEST_EXPONENT)
         };
         Self { start: low, exponents: [0, 1, 2].map(exponent) }
     }
@@ -69,7 +73,8 @@ impl Steps {
     }
 }
 
-/// The words of an aligned node after those of its children: where its boxes start, the exponents with a bit for each child that is a leaf, and the bytes of both halves.
+/// The words of an aligned node after those of its children: where its boxes start, the exponents with a bit for each child that is a leaf,
+/// and the bytes of both halves.
 pub(super) fn packed(boxes: &[Option<Ends>; WIDTH], leaves: u8) -> [u32; 16] {
     let steps = Steps::of(boxes);
     let [x, y, z] = steps.start.map(f32::to_bits);
@@ -84,6 +89,11 @@ pub(super) fn packed(boxes: &[Option<Ends>; WIDTH], leaves: u8) -> [u32; 16] {
         }
     }
     words
+}
+
+/// The bits of children that are leaves.
+pub(super) fn leaves(words: &[u32; 16]) -> u8 {
+    (words[3] >> 24) as u8
 }
 
 /// Boxes around those of a node of a device, for the CPU; `None` for those whose ends are in the wrong order.
@@ -110,7 +120,8 @@ mod tests {
 
     use super::*;
 
-    /// Whether `start + byte * step` is at most `end`: without rounding, as the sum of two numbers of which the second is what the first lost.
+    /// Whether `start + byte * step` is at most `end`: without rounding, as the sum of two numbers of which the second is what the first
+    /// lost.
     fn is_at_most(start: f32, offset: f64, end: f32) -> bool {
         let start = f64::from(start);
         let sum = start + offset;
@@ -183,7 +194,18 @@ mod tests {
         assert!(n_smaller > 10_000 && 10 * n_found > 9 * n_smaller, "{n_found} of {n_smaller}");
     }
 
-    /// The boxes of a node take at least half of the steps that bytes have along each axis, so they are rounded by little.
+    /// Whichever zero is the lesser, exponents have eight bits, also of lengths that are no numbers.
+    #[test]
+    fn exponents_have_eight_bits() {
+        for [low, high] in [[0.0, -0.0], [-0.0, 0.0], [0.0, f32::NAN], [-f32::MAX, f32::MAX]] {
+            let words = packed(&std::array::from_fn(|i| (i < 3).then_some([[low; 3], [high; 3]])), 0b101);
+            let exponents = [0, 8, 16].map(|shift| words[3] >> shift & 255);
+            assert!(exponents.iter().all(|exponent| (27..254).contains(exponent)), "{low}, {high}: {exponents:?}");
+            assert_eq!(words[3] >> 24, 0b101);
+        }
+    }
+
+    /// The boxes of a node take at least half of the steps that bytes have, so they are rounded by little.
     #[test]
     fn most_bytes_are_used() {
         let mut random = SplitMix64::new(45);

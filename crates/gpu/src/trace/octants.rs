@@ -2,13 +2,8 @@
 
 use canted_wide::RawBvh;
 
-use super::layout::{EMPTY, LEAF};
-
-/// Children of a node.
-const WIDTH: usize = 8;
-
-/// Words of a line, the unit of node addresses.
-const LINE: usize = 16;
+use super::layout::EMPTY;
+use super::packed::{ADDRESSES, CPU_ADDRESS, WIDTH, is_node, is_oriented, words_row};
 
 /// A BVH with the children of each node in other places: child `i` toward the corner of the node that is high along axis `k` where bit `k`
 /// of `i` is set, in the frame of the mesh. Hits stay the same; rays that take the children in the order of `i ^ octant` meet near ones first.
@@ -18,13 +13,11 @@ pub(super) fn by_octants<'a>(bvh: &RawBvh<'a>) -> RawBvh<'a> {
     let mut nodes = bvh.nodes.to_vec();
     let mut waiting = vec![bvh.root];
     while let Some(word) = waiting.pop() {
-        if word & LEAF != 0 || word == EMPTY {
+        if !is_node(word) {
             continue;
         }
-        let at = (word & 0x1fff_ffff) as usize * LINE;
-        // The kind of a node, as in `shared/bvh/node_kinds`.
-        let is_aligned = word >> 29 == 0;
-        let n_rows = if is_aligned { 7 } else { 16 };
+        let at = (word & ADDRESSES) as usize * CPU_ADDRESS;
+        let (is_aligned, n_rows) = (!is_oriented(word), words_row(word) + 1);
         let node = &mut nodes[at..][..n_rows * WIDTH];
         let children: [u32; WIDTH] = std::array::from_fn(|i| node[(n_rows - 1) * WIDTH + i]);
         let center = |i| if is_aligned { aligned_center(node, i) } else { oriented_center(node, i, &bvh.frame) };
@@ -127,11 +120,11 @@ mod tests {
             let (n_rows, kind) = if aligned_node < 1.0 { (7, 0) } else { (16, 1) };
             let (mut waiting, mut n_moved) = (vec![raw.root], 0);
             while let Some(word) = waiting.pop() {
-                if word & LEAF != 0 || word == EMPTY {
+                if !is_node(word) {
                     continue;
                 }
                 assert_eq!(word >> 29, kind);
-                let at = (word & 0x1fff_ffff) as usize * LINE;
+                let at = (word & ADDRESSES) as usize * CPU_ADDRESS;
                 let columns = |nodes: &[u32]| {
                     let column = |i: usize| (0..n_rows).map(|row| nodes[at + row * WIDTH + i]).collect::<Vec<_>>();
                     (0..WIDTH).map(column).collect::<Vec<_>>()

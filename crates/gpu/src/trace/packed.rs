@@ -1,4 +1,5 @@
-//! Nodes as devices read them. Aligned nodes have the boxes of their children in bytes (`aligned`), oriented ones a frame of 32 bits for each child (`frames`).
+//! Nodes as devices read them. Aligned nodes have the boxes of their children in bytes (`aligned`), oriented ones a frame of 32 bits for each
+//! child (`frames`).
 //!
 //! | | CPU | device |
 //! |---|---|---|
@@ -17,7 +18,7 @@ use super::layout::{EMPTY, LEAF};
 pub(super) const WIDTH: usize = 8;
 
 /// Words of the unit of node addresses on the CPU, which is a cache line, and on devices.
-const CPU_ADDRESS: usize = 16;
+pub(super) const CPU_ADDRESS: usize = 16;
 const ADDRESS: usize = 8;
 
 /// Words of nodes of a device, aligned and oriented, and of the CPU.
@@ -26,7 +27,7 @@ const CPU_NODES: [usize; 2] = [64, 128];
 
 /// Bit of the words of oriented nodes, and bits of their address.
 const ORIENTED: u32 = 0x2000_0000;
-const ADDRESSES: u32 = 0x1fff_ffff;
+pub(super) const ADDRESSES: u32 = 0x1fff_ffff;
 
 /// Whether a word refers to a node.
 pub(super) fn is_node(word: u32) -> bool {
@@ -81,8 +82,7 @@ pub(super) fn packed(bvh: RawBvh<'_>) -> RawBvh<'_> {
         if !is_oriented(word) {
             let ends = |i: usize| [0, 1].map(|end| [0, 2, 4].map(|axis| row(axis + end, i)));
             let boxes = std::array::from_fn(|i| (children[i] != EMPTY).then(|| ends(i)));
-            let leaves = (0..WIDTH).fold(0, |leaves, i| leaves | u8::from(children[i] & LEAF != 0) << i);
-            nodes.extend(aligned::packed(&boxes, leaves));
+            nodes.extend(aligned::packed(&boxes, leaves_of(&children)));
             continue;
         }
         let boxes = children.iter().enumerate().map(|(i, &child)| {
@@ -100,7 +100,7 @@ pub(super) fn packed(bvh: RawBvh<'_>) -> RawBvh<'_> {
 /// Nodes of a device, and their root, with those of the CPU: boxes around the old ones, with rows of unit length.
 ///
 /// # Errors
-/// A word that names no node.
+/// A word that names no node, or a node that marks other children as leaves than those that are.
 pub(super) fn unpacked(nodes: &[u32], root: u32) -> Result<(Vec<u32>, u32), String> {
     let mut all = vec![];
     // The address of each node that was reached, by its word.
@@ -118,7 +118,11 @@ pub(super) fn unpacked(nodes: &[u32], root: u32) -> Result<(Vec<u32>, u32), Stri
         waiting.extend(children);
         let start = all.len();
         all.resize(start + n_words_of(CPU_NODES, word), 0);
-        let boxes = rest.first_chunk().filter(|_| !is_oriented(word)).map(aligned::unpacked);
+        let of_aligned = rest.first_chunk().filter(|_| !is_oriented(word));
+        if of_aligned.is_some_and(|words| aligned::leaves(words) != leaves_of(children)) {
+            return Err(format!("node {word:#010x} marks other children as leaves"));
+        }
+        let boxes = of_aligned.map(aligned::unpacked);
         for i in 0..WIDTH {
             let rows: Vec<u32> = if let Some(boxes) = boxes {
                 let [low, high] = boxes[i].unwrap_or([[BEYOND; 3], [-BEYOND; 3]]);
@@ -140,6 +144,11 @@ pub(super) fn unpacked(nodes: &[u32], root: u32) -> Result<(Vec<u32>, u32), Stri
         all[first..first + WIDTH].iter_mut().for_each(|child| *child = moved(*child));
     }
     Ok((all, moved(root)))
+}
+
+/// A bit for each child that is a leaf.
+fn leaves_of(children: &[u32]) -> u8 {
+    children.iter().enumerate().fold(0, |leaves, (i, child)| leaves | u8::from(child & LEAF != 0) << i)
 }
 
 /// Ends of boxes that no ray enters, beyond all coordinates.
@@ -168,7 +177,7 @@ pub(super) fn children(nodes: &[u32], word: u32) -> [u32; WIDTH] {
 }
 
 /// The row with the words of the children of a node of the CPU.
-fn words_row(word: u32) -> usize {
+pub(super) fn words_row(word: u32) -> usize {
     if is_oriented(word) { 15 } else { 6 }
 }
 
