@@ -191,7 +191,6 @@ fn report(answers: &[Answer], Cost { seconds, gpu_exact_rays }: Cost, args: &Arg
 }
 
 /// All answers, and what tracing took.
-#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn trace(
     scene: &Scene,
     rays: &[Ray],

@@ -89,7 +89,7 @@ fn kinds(gpu: &Gpu, bvhs: &WideBvhs) -> [usize; 2] {
         if word >> 31 == 0 && word != 0x7fff_ffff {
             let kind = (word >> 29) as usize;
             found[kind] += 1;
-            let at = 4 * (word & 0x1fff_ffff) as usize + 12;
+            let at = 2 * (word & 0x1fff_ffff) as usize;
             waiting.extend(nodes[at..at + 2].as_flattened());
         }
     }
