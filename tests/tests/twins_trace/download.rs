@@ -167,7 +167,7 @@ fn damaged_bvhs_are_refused() {
             (
                 word,
                 0x8000_0001,
-                "is in two leaves|belongs to two records|does not exist|out of range|not below the root|is in no leaf",
+                "is in two leaves|belongs to two records|does not exist|out of range|not below the root|is in no leaf|marks other",
             ),
         ] {
             let scene = scene(&gpu, &mesh, bvh);
