@@ -3,7 +3,7 @@
 //! After Ylitie, Karras and Laine 2017: the ends of the boxes are whole steps from where the boxes of the node start, and a step is a power
 //! of two. The ends are rounded outward. Twin of the kernel `build/wide/nodes`, which has the same numbers.
 
-use super::packed::WIDTH;
+use super::layout::WIDTH;
 
 /// The box of a child: the low and the high ends.
 pub(super) type Ends = [[f32; 3]; 2];

@@ -133,10 +133,10 @@ mod tests {
 
     use canted_wide::RawBvh;
 
-    use super::super::layout::{EMPTY, LEAF};
+    use super::super::layout::{EMPTY, LEAF, WIDTH};
     use super::super::leaf_triangles::UploadedBvh;
     use super::super::octants::by_octants;
-    use super::super::packed::{WIDTH, children, first_word, is_oriented, nodes_below, packed, unpacked};
+    use super::super::packed::{children, first_word, is_oriented, nodes_below, packed, unpacked};
     use super::*;
 
     /// Words of an oriented node, and the rows with its frames and with centers and half-extents.

@@ -38,6 +38,9 @@ pub(super) fn check_coordinates(name: impl FnOnce() -> String, reach: f64) -> Re
 pub(super) const LEAF: u32 = 0x8000_0000;
 pub(super) const EMPTY: u32 = 0x7fff_ffff;
 
+/// Children of a wide node.
+pub(super) const WIDTH: usize = 8;
+
 /// Header of a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]

@@ -7,8 +7,8 @@ use canted_obb::PrimId;
 use canted_trace::RoundSegment;
 use canted_wide::RawBvh;
 
-use super::layout::{EMPTY, LEAF, Quad};
-use super::packed::{WIDTH, first_word};
+use super::layout::{EMPTY, LEAF, Quad, WIDTH};
+use super::packed::first_word;
 
 /// Words of half a block.
 const HALF_WORDS: usize = 40;

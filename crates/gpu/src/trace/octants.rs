@@ -2,8 +2,8 @@
 
 use canted_wide::RawBvh;
 
-use super::layout::EMPTY;
-use super::packed::{ADDRESSES, CPU_ADDRESS, WIDTH, is_node, is_oriented, words_row};
+use super::layout::{EMPTY, WIDTH};
+use super::packed::{ADDRESSES, CPU_ADDRESS, is_node, is_oriented, words_row};
 
 /// A BVH with the children of each node in other places: child `i` toward the corner of the node that is high along axis `k` where bit `k`
 /// of `i` is set, in the frame of the mesh. Hits stay the same; rays that take the children in the order of `i ^ octant` meet near ones first.

@@ -12,10 +12,7 @@ use canted_wide::RawBvh;
 
 use super::aligned;
 use super::frames::{NOWHERE, PackedBox, Slabs, unit_slabs};
-use super::layout::{EMPTY, LEAF};
-
-/// Children of a node.
-pub(super) const WIDTH: usize = 8;
+use super::layout::{EMPTY, LEAF, WIDTH};
 
 /// Words of the unit of node addresses on the CPU, which is a cache line, and on devices.
 pub(super) const CPU_ADDRESS: usize = 16;
