@@ -181,9 +181,9 @@ mod tests {
                 assert!((0..3).all(|k| outer_low[k] <= low[k] && high[k] <= outer_high[k]));
             }
             // Ends that are a step further in are found: all but those that are rounded out by a whole step.
-            for (k, boxes_of) in boxes.iter().enumerate().filter_map(|(i, child)| child.as_ref().map(|_| (i, i))) {
+            for child in (0..WIDTH).filter(|&child| boxes[child].is_some()) {
                 let mut smaller = words;
-                let (word, shift) = (word_of(k, boxes_of % 3, 1), 8 * (k % 4));
+                let (word, shift) = (word_of(child, child % 3, 1), 8 * (child % 4));
                 if smaller[word] >> shift & 255 > 1 {
                     smaller[word] -= 1 << shift;
                     n_smaller += 1;

@@ -1,8 +1,7 @@
 //! The boxes of children of oriented nodes as devices read them, with a frame of 32 bits: `shared/bvh/node_kinds/any`.
 //!
 //! On the CPU a child has nine numbers for its frame. Here a frame is rounded to one of 2^32, and the box of a child becomes the smallest
-//! one in that frame around
-//! its old box.
+//! one in that frame around its old box.
 
 use canted_obb::vector::{cross, dot};
 
