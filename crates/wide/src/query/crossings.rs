@@ -138,6 +138,7 @@ struct EdgeHit {
 
 impl HitSink for CrossingSink<'_> {
     const ORDERED: bool = false;
+    const ALL: bool = true;
     const SPLITS: bool = true;
 
     #[inline(always)]

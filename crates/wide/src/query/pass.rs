@@ -75,6 +75,8 @@ pub(super) struct TriangleLeaves<'a, S: Simd, T, R, const WATERTIGHT: bool> {
 impl<S: Simd, T: HitSink, R: ThroughTriangles, const WATERTIGHT: bool> Visitor
     for TriangleLeaves<'_, S, T, R, WATERTIGHT>
 {
+    const ALL: bool = T::ALL;
+
     #[inline(always)]
     fn leaf(&mut self, leaf: LeafRange) -> f32 {
         let &mut Self { simd, halves, scaled, ray, ref mut prepared, ref mut sink } = self;

@@ -14,6 +14,9 @@ pub(crate) trait HitSink {
     /// Whether every hit is accepted and the first one ends the traversal.
     const ANY: bool = false;
 
+    /// Whether no hit shortens the ray.
+    const ALL: bool = false;
+
     /// Whether hits that are certainly inside of their triangle go to [`HitSink::take_inside`].
     const SPLITS: bool = false;
 
@@ -254,6 +257,7 @@ impl<'a> AllHits<'a> {
 
 impl HitSink for AllHits<'_> {
     const ORDERED: bool = false;
+    const ALL: bool = true;
 
     #[inline(always)]
     fn take(&mut self, ray: &ScaledRay, hit: Hit, _: &[[f32; 3]; 3], t_max: f32) -> f32 {

@@ -1,17 +1,18 @@
 //! Rays without pads lose hits, on either side: the tests for lost hits can fail.
 
-use canted_fixtures::{Grazing, Mesh, SplitMix64};
-use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
+use canted_fixtures::{Grazing, Mesh, SplitMix64, displaced_icosphere};
+use canted_obb::PrimId;
+use canted_trace::{Hit, Intersect, Kernel, Ray, ReferencePoint, ScaledRay, Shear, Watertight};
 
 use super::pass::{PADS, pass_hits};
-use super::sink::BestHit;
+use super::sink::{AllHits, BestHit};
 use crate::leaf::StoredTriangles;
 use crate::node::LeafLayout;
 use crate::node::checked::Hierarchy;
 use crate::simd::{Simd, Task};
 use crate::traverse::{BoxPads, Pads, TracedRay};
 use crate::update::write_boxes;
-use crate::{Config, SimdPath, TriangleBvh};
+use crate::{Config, Costs, SimdPath, TriangleBvh};
 
 const NONE: Pads = Pads { aligned: 0.0, rotated: 0.0, oriented: 0.0 };
 
@@ -188,4 +189,57 @@ fn far_meshes_have_a_reference_point_inside() {
     assert!(near.frame.reference.is_origin());
     let [x, y, z] = far.frame.reference.point();
     assert!((x - 1e4).abs() <= 1.0 && (y + 3e4).abs() <= 1.0 && (z - 2e4).abs() <= 1.0, "{x} {y} {z}");
+}
+
+/// All hits in the order in which they are found, with so many entries more on the stack than a walk needs; `t` scaled.
+struct AllFound<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a ScaledRay,
+    n_more: usize,
+}
+
+impl Task for AllFound<'_> {
+    type Output = Vec<Hit>;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Self::Output {
+        let (mut query, mut hits, mut stack) = ((), vec![], vec![0; self.bvh.stack_len() + self.n_more]);
+        let ray = TracedRay::new(self.ray, &self.bvh.frame, PADS);
+        pass_hits::<S, _, true>(simd, self.bvh, &ray, &mut stack, &mut AllHits::new(&mut query, &mut hits));
+        hits
+    }
+}
+
+/// Walks in any order put subtrees off where the stack has room: they find what a loop over all triangles finds, in another order.
+#[test]
+fn walks_that_put_subtrees_off_lose_no_hit() {
+    let sphere = displaced_icosphere(4, 5);
+    let mesh = [0.9, 0.8].iter().fold(sphere.clone(), |all, s| all.joined(&sphere.placed(|p| p.map(|x| s * x))));
+    let bits = |hit: &Hit| (hit.t.to_bits(), hit.primitive.0, hit.u.to_bits(), hit.v.to_bits());
+    for [aligned_node, oriented_node] in [[0.01, 1e6], [1e6, 0.01]] {
+        let costs = Costs { aligned_node, oriented_node, leaf: 0.0, block: 0.01, max_leaf: 1 };
+        let bvh = build(&mesh, Config { costs, ..Config::default() });
+        let mut n_reordered = 0;
+        for ray in at_corners(&mesh, 3.0, 30).iter().filter_map(ScaledRay::new) {
+            let shear = Shear::new(&ray);
+            let of = |(i, corners): (usize, &[u32; 3])| {
+                let found =
+                    Watertight::intersect(&shear, &ray, &corners.map(|k| mesh.positions[k as usize]), ray.t_max)?;
+                Some((found.t.to_bits(), i as u32, found.u.to_bits(), found.v.to_bits()))
+            };
+            let mut expected: Vec<_> = mesh.triangles.iter().enumerate().filter_map(of).collect();
+            expected.sort_unstable();
+            for path in paths() {
+                let found =
+                    [0, 9, 12, 100].map(|n_more| path.available().run(AllFound { bvh: &bvh, ray: &ray, n_more }));
+                let order = |hits: &[Hit]| hits.iter().map(|hit| hit.primitive).collect::<Vec<PrimId>>();
+                n_reordered += usize::from(order(&found[0]) != order(&found[3]));
+                for mut hits in found.map(|hits| hits.iter().map(bits).collect::<Vec<_>>()) {
+                    hits.sort_unstable();
+                    assert_eq!(hits, expected, "{ray:?}, {}", path.name());
+                }
+            }
+        }
+        assert!(n_reordered > 20, "{n_reordered} rays find their hits in another order");
+    }
 }

@@ -23,6 +23,9 @@ pub(crate) trait Visitor {
     /// Whether there is a second loop for BVHs without oriented nodes.
     const TWO_LOOPS: bool = true;
 
+    /// Whether every leaf is visited, whatever the order: `t_max` stays as it is.
+    const ALL: bool = false;
+
     /// The ray enters a leaf. Returns the new `t_max`; a negative one ends the traversal.
     fn leaf(&mut self, leaf: LeafRange) -> f32;
 
@@ -37,8 +40,9 @@ pub(crate) trait Visitor {
 /// Visits every leaf that `ray` enters at or before `t_max`, nearer subtrees first where `ORDERED`.
 ///
 /// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf in every
-/// BVH. `stack` has room for at least [`Nodes::stack_len`] subtrees that wait. Each is an integer: in its upper half the `t` at which the ray enters
-/// the subtree, in its lower half the child word. So the order of these integers is the order along the ray.
+/// BVH. `stack` has room for at least [`Nodes::stack_len`] subtrees that wait; where it has more, walks to all leaves put some off. Each is
+/// an integer: in its upper half the `t` at which the ray enters the subtree, in its lower half the child word. So the order of these integers
+/// is the order along the ray.
 #[inline(always)]
 pub(crate) fn walk<S: Simd, R: ThroughNodes, V: Visitor, const ORDERED: bool>(
     simd: S,
@@ -50,25 +54,28 @@ pub(crate) fn walk<S: Simd, R: ThroughNodes, V: Visitor, const ORDERED: bool>(
 ) {
     // Two loops: what oriented nodes need of the ray would push what aligned ones need out of registers.
     if V::TWO_LOOPS && !nodes.has_oriented {
-        walk_nodes::<S, ORDERED, false>(simd, nodes, &ray.lanes(simd), t_max, stack, visitor);
+        walk_nodes::<S, V, ORDERED, false>(simd, nodes, &ray.lanes(simd), t_max, stack, visitor);
     } else {
-        walk_nodes::<S, ORDERED, true>(simd, nodes, &ray.lanes(simd), t_max, stack, visitor);
+        walk_nodes::<S, V, ORDERED, true>(simd, nodes, &ray.lanes(simd), t_max, stack, visitor);
     }
 }
 
 /// [`walk`] through nodes of which some may be oriented, or none.
 #[inline(always)]
-fn walk_nodes<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
+fn walk_nodes<S: Simd, V: Visitor, const ORDERED: bool, const ORIENTED: bool>(
     simd: S,
     nodes: &Nodes,
     ray: &RayLanes<S>,
     mut t_max: f32,
     stack: &mut [u64],
-    visitor: &mut impl Visitor,
+    visitor: &mut V,
 ) {
     let Nodes { lines, root, .. } = nodes;
     let lines: &[CacheLine] = lines;
     let prefetches = lines.len() >= LARGE;
+    // With fewer entries a subtree may be put off: the walk of any other still has room above them.
+    let room = if V::ALL && prefetches { stack.len().saturating_sub(nodes.stack_len() + 8) } else { 0 };
+    let mut delayed = Delayed::NONE;
     let mut waiting = 0;
     let mut word = *root;
     loop {
@@ -100,6 +107,10 @@ fn walk_nodes<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
             let rest = mask & (mask - 1);
             if rest == 0 {
                 word = words[first];
+                if V::ALL && waiting < room {
+                    prefetch(simd, lines, mask, words, visitor);
+                    word = delayed.next(word);
+                }
                 continue;
             }
             let near = simd.store(near);
@@ -111,12 +122,19 @@ fn walk_nodes<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
             } else {
                 push(stack, &mut waiting, mask, &near, words)
             };
+            if V::ALL && waiting < room {
+                word = delayed.next(word);
+            }
             continue;
         }
         // Resume with the last subtree that may still hold a hit at most `t_max` away.
         loop {
             if waiting == 0 {
-                return;
+                match delayed.last() {
+                    Some(next) if V::ALL => word = next,
+                    _ => return,
+                }
+                break;
             }
             waiting -= 1;
             let key = stack[waiting];
@@ -125,6 +143,34 @@ fn walk_nodes<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
                 break;
             }
         }
+    }
+}
+
+/// Subtrees that are entered two steps after the node above them, where order does not matter: what is prefetched for them arrives while
+/// others are visited.
+struct Delayed([ChildWord; 2]);
+
+impl Delayed {
+    const NONE: Self = Self([ChildWord::EMPTY; 2]);
+
+    /// Puts a subtree off and returns the one to enter now, which may be empty.
+    #[inline(always)]
+    fn next(&mut self, word: ChildWord) -> ChildWord {
+        let Self([next, then]) = *self;
+        *self = Self([then, word]);
+        next
+    }
+
+    /// One of them, where nothing else waits.
+    #[inline(always)]
+    fn last(&mut self) -> Option<ChildWord> {
+        for _ in 0..2 {
+            let next = self.next(ChildWord::EMPTY);
+            if next.0 != ChildWord::EMPTY.0 {
+                return Some(next);
+            }
+        }
+        None
     }
 }
 
