@@ -224,9 +224,9 @@ impl<S: Simd, P: Primitive, T: Test<P>> Leaves<'_, S, P, T> {
         };
         let ([ax, ay, az, bx], [by, bz, r0, r1]) = (simd.transpose_half(low), simd.transpose_half(high));
         if const { P::BALL.is_some() } {
-            return line.near_balls(*simd, [ax, ay, az, bx], of, t_max);
+            return line.near_balls(*simd, [ax, ay, az, bx], of, t_max, T::ORDERED);
         }
-        line.near_segments(*simd, [ax, ay, az, bx, by, bz, r0, r1], of, t_max)
+        line.near_segments(*simd, [ax, ay, az, bx, by, bz, r0, r1], of, t_max, T::ORDERED)
     }
 
     /// Tests the primitives of a leaf whose hulls the ray may reach.

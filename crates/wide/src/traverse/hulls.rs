@@ -80,8 +80,10 @@ impl<S: Simd> RayLine<S> {
     /// round segment may be off by 2 u·(F + A + r). So a line that is nearer than the lesser radius by [`CERTAIN`] of the sizes enters the
     /// segment, no later than at the point nearest to that at `s`, and it does so in its interval if the bound of the entry is not before
     /// `t_min`, and that point not beyond `t_max`.
+    ///
+    /// `may_exit` as in [`RayLine::near_balls`].
     #[inline(always)]
-    pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], of: u32, t_max: f32) -> Reached<S> {
+    pub(crate) fn near_segments(&self, simd: S, rows: [S::F; 8], of: u32, t_max: f32, may_exit: bool) -> Reached<S> {
         let [ax, ay, az, bx, by, bz, r0, r1] = rows;
         let [zero, one, tiny] = [0.0, 1.0, f32::MIN_POSITIVE].map(|x| simd.splat(x));
         let from_origin = self.relative(simd, [ax, ay, az]);
@@ -109,8 +111,7 @@ impl<S: Simd> RayLine<S> {
         let is_finite = simd.le(across_squared, simd.splat(f32::MAX));
         let is_usable = is_finite & simd.lt(simd.splat(LEAST), across_squared) | simd.le(axis_size, zero);
         let near = of & !(simd.lt(reach, apart) & is_usable);
-        // So it is with most leaves.
-        if near == 0 {
+        if may_exit && near == 0 {
             return Reached::none(simd);
         }
 
@@ -213,9 +214,13 @@ mod tests {
             let Self(segment, ray, t_max, errors) = self;
             let line = RayLine::new(simd, ray, errors);
             let rows = numbers(segment).map(|x| simd.splat(x));
-            let Reached { lanes, certain, .. } = line.near_segments(simd, rows, 0xff, t_max);
-            let none = line.near_segments(simd, rows, 0, t_max);
-            assert!(none.lanes == 0 && none.certain == 0, "no lanes, no answers");
+            let Reached { lanes, certain, .. } = line.near_segments(simd, rows, 0xff, t_max, true);
+            let without_exit = line.near_segments(simd, rows, 0xff, t_max, false);
+            assert_eq!([lanes, certain], [without_exit.lanes, without_exit.certain]);
+            for may_exit in [true, false] {
+                let none = line.near_segments(simd, rows, 0, t_max, may_exit);
+                assert!(none.lanes == 0 && none.certain == 0, "no lanes, no answers");
+            }
             [lanes, certain].map(|mask| {
                 assert!(mask == 0 || mask == 0xff, "equal lanes have equal answers");
                 mask != 0
