@@ -107,14 +107,23 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
             eights[0].prepare(simd, low, &bvh.frame, PADS);
             eights[1].prepare(simd, high, &bvh.frame, PADS);
             let mut way = if rays.len() == GROUP { plan.next() } else { Way::Alone };
-            if let Way::Together(limit) = way {
-                // Not in a closure, which might not be inlined where the instructions are enabled: four times slower.
+            // Not in a closure, which might not be inlined where the instructions are enabled: four times slower.
+            if let Way::Together(_) | Way::Beside = way {
                 if let Some(group) = RayGroup::new(simd, &eights, &bvh.frame, PADS) {
-                    let of = Group { bvh, eights: &eights, rays, first, accept, limit };
-                    if let Some(work) = of.walk::<S, PLAIN, A>(simd, &group, &mut prepared, answers, stack) {
-                        plan.has_walked(work);
+                    if group.misses(simd, &bvh.nodes) {
+                        for answer in answers {
+                            *answer = A::NONE;
+                        }
                         first += GROUP;
                         continue;
+                    }
+                    if let Way::Together(limit) = way {
+                        let of = Group { bvh, eights: &eights, rays, first, accept, limit };
+                        if let Some(work) = of.walk::<S, PLAIN, A>(simd, &group, &mut prepared, answers, stack) {
+                            plan.has_walked(work);
+                            first += GROUP;
+                            continue;
+                        }
                     }
                 }
                 way = Way::Counted;
@@ -175,6 +184,8 @@ enum Way {
     Counted,
     /// As a group that gives up beyond this much work.
     Together(u32),
+    /// Those before passed beside everything: counted, unless these do, too.
+    Beside,
 }
 
 /// The work of a ray in tests of nodes.
@@ -185,8 +196,9 @@ fn work_of(visits: &Visits) -> u32 {
 /// Fewest rays of a slice in which groups are tried: the first group is counted, and one that fails is a sixteenth of the work.
 const FEWEST: usize = 16 * GROUP;
 
-/// Groups between two that are counted.
+/// Groups between two that are counted, at first and where groups go on to save a quarter of the work.
 const COUNTED: u32 = 32;
+const COUNTED_RARELY: u32 = 256;
 
 /// Groups that walk alone after the first failure, and at most: those that fail are about a sixteenth of the work of a short slice, and a 64th of that
 /// of a long one.
@@ -203,6 +215,10 @@ struct Plan {
     work_alone: u32,
     /// Groups since then.
     age: u32,
+    /// The age at which the next one is counted.
+    period: u32,
+    /// The work of groups since then, and how many walked.
+    together: [u32; 2],
     /// Groups that walk alone before one is tried again.
     waits: u32,
     /// How many after the next failure.
@@ -213,7 +229,8 @@ struct Plan {
 
 impl Plan {
     fn new(is_possible: bool) -> Self {
-        Self { is_possible, work_alone: 0, age: COUNTED, waits: 0, pause: FIRST_PAUSE, saved: 0 }
+        let [age, period] = [COUNTED; 2];
+        Self { is_possible, work_alone: 0, age, period, together: [0; 2], waits: 0, pause: FIRST_PAUSE, saved: 0 }
     }
 
     #[inline(always)]
@@ -226,16 +243,18 @@ impl Plan {
             self.waits -= 1;
             return Way::Alone;
         }
-        if self.age > COUNTED || self.is_idle() {
-            self.age = 0;
-            return Way::Counted;
+        if self.age <= self.period && !self.is_idle() {
+            return Way::Together(self.work_alone);
         }
-        Way::Together(self.work_alone)
+        self.age = 0;
+        if self.is_idle() { Way::Beside } else { Way::Counted }
     }
 
     /// A group has walked together, with this much work.
     #[inline(always)]
     fn has_walked(&mut self, work: u32) {
+        let [sum, n] = self.together;
+        self.together = [sum + work, n + 1];
         // The last leaf may have exceeded the limit.
         self.saved = (self.saved + self.work_alone as i32 - work as i32).min(4 * self.work_alone as i32);
         if self.saved >= self.work_alone as i32 {
@@ -248,11 +267,15 @@ impl Plan {
     /// than the limit.
     #[inline(always)]
     fn has_counted(&mut self, work: u32) {
+        let [sum, n] = self.together;
+        let saves = u64::from(sum) * 4 <= u64::from(work) * u64::from(n) * 3;
+        self.period = if n > 0 && saves { (2 * self.period).min(COUNTED_RARELY) } else { COUNTED };
         if self.age > 0 {
+            self.period = COUNTED;
             self.saved -= 2 * self.work_alone.min(work) as i32;
             self.wait_after_losses();
         }
-        (self.work_alone, self.age) = (work, 0);
+        (self.work_alone, self.age, self.together) = (work, 0, [0; 2]);
         if self.is_idle() {
             self.waits = self.waits.max(IDLE);
         }
@@ -302,10 +325,7 @@ impl Group<'_> {
         });
         let sinks = filters.each_mut().map(|filter| A::sink::<PLAIN>(filter));
         let scaled: [ScaledRay; GROUP] = std::array::from_fn(|i| eights[i / 8].scaled(i, &rays[i]));
-        let mut t_max = [[0.0; 8]; 2];
-        for (i, ray) in scaled.iter().enumerate() {
-            t_max[i / 8][i % 8] = ray.t_max;
-        }
+        let mut t_max = [eights[0].t_max(), eights[1].t_max()];
         let halves = &bvh.leaves.halves;
         let bundle = Bundle::new(simd, eights);
         prepared.fill(None);
@@ -463,13 +483,14 @@ mod tests {
     }
 
     impl Both<'_> {
-        /// Where the answers of groups differ from those of rays, and the number of groups.
-        fn differences(&self) -> [usize; 2] {
+        /// Where the answers of groups differ from those of rays, the number of groups, and of those that miss the root.
+        fn differences(&self) -> [usize; 3] {
             let accepts = |i: usize, hit: &Hit| self.accept.is_none_or(|accept| accept(i, &self.rays[i], hit));
             let alone = |i: usize| self.bvh.closest_hit_with(&self.rays[i], &mut Accept(|hit: &Hit| accepts(i, hit)));
             let occluded = |i: usize| self.bvh.occluded_with(&self.rays[i], &mut Accept(|hit: &Hit| accepts(i, hit)));
-            let mut n = [0; 2];
-            let (closest, any) = self.bvh.path.run(self);
+            let mut n = [0; 3];
+            let (closest, any, n_beside) = self.bvh.path.run(self);
+            n[2] = n_beside;
             for (i, hits) in closest.iter().enumerate().filter_map(|(i, hits)| Some((i, hits.as_ref()?))) {
                 n[1] += 1;
                 for (k, hit) in hits.iter().enumerate() {
@@ -488,7 +509,7 @@ mod tests {
     type Answered<A> = Vec<Option<[A; GROUP]>>;
 
     impl Task for &Both<'_> {
-        type Output = (Answered<Option<Hit>>, Answered<bool>);
+        type Output = (Answered<Option<Hit>>, Answered<bool>, usize);
 
         #[inline(always)]
         fn on<S: Simd>(self, simd: S) -> Self::Output {
@@ -496,7 +517,7 @@ mod tests {
             let mut eights = [EightRays::new(), EightRays::new()];
             let mut stack = vec![0; ENTRY * bvh.nodes.stack_len()];
             let mut prepared = [None; GROUP];
-            let (mut closest, mut any) = (vec![], vec![]);
+            let (mut closest, mut any, mut n_beside) = (vec![], vec![], 0);
             for (i, rays) in rays.chunks_exact(GROUP).enumerate() {
                 eights[0].prepare(simd, &rays[..8], &bvh.frame, PADS);
                 eights[1].prepare(simd, &rays[8..], &bvh.frame, PADS);
@@ -516,8 +537,12 @@ mod tests {
                     work.expect("there is no limit");
                     found
                 }));
+                if group.is_some_and(|group| group.misses(simd, &bvh.nodes)) {
+                    n_beside += 1;
+                    assert_eq!(any[i], Some([false; GROUP]));
+                }
             }
-            (closest, any)
+            (closest, any, n_beside)
         }
     }
 
@@ -587,7 +612,7 @@ mod tests {
     #[test]
     fn groups_have_the_hits_of_their_rays() {
         let mut rng = SplitMix64::new(16);
-        let (mut n_groups, mut n_rotated) = (0, 0);
+        let (mut n_groups, mut n_rotated, mut n_all_beside) = (0, 0, 0);
         for (m, mesh) in meshes().iter().enumerate() {
             let bvh = built(mesh);
             n_rotated += usize::from(!bvh.frame.is_identity);
@@ -597,13 +622,15 @@ mod tests {
                 let bvh = bvh.clone().with_path(path);
                 for accept in [None, Some(&odd as &AcceptAt)] {
                     let both = Both { bvh: &bvh, rays: &rays, accept, pads: PADS };
-                    let [n_wrong, n] = both.differences();
+                    let [n_wrong, n, n_beside] = both.differences();
                     assert_eq!(n_wrong, 0, "mesh {m}, {}", path.name());
                     n_groups += n;
+                    n_all_beside += n_beside;
                 }
             }
         }
         assert!(n_groups > 1000 && n_rotated > 1, "{n_groups} groups, {n_rotated} rotated frames");
+        assert!(n_all_beside > 20 && n_all_beside < n_groups / 2, "{n_all_beside} groups beside everything");
     }
 
     /// Slices in which groups walk together, are given up and are none, with answers of others in the memory for theirs.
@@ -658,6 +685,8 @@ mod tests {
         for [alone, together] in groups {
             match plan.next() {
                 Way::Alone => {}
+                Way::Beside if alone <= OVERHEAD => {}
+                Way::Beside => plan.has_counted(alone),
                 Way::Counted => plan.has_counted(alone),
                 Way::Together(limit) if together <= limit => {
                     n += 1;
@@ -677,12 +706,14 @@ mod tests {
     fn groups_are_tried_where_they_save_work() {
         let n = 10_000;
         let (good, bad) = ([100, 50], [100, 400]);
-        assert!(planned((0..n).map(|_| good))[0] > n * 9 / 10);
+        assert!(planned((0..n).map(|_| good))[0] > n * 99 / 100);
         // Rows of pixels beside the object, of which no group is less work, and across it.
         let rows = (0..n).map(|i| if i / 64 % 2 == 0 { [16, 25] } else { [300, 60] });
         assert!(planned(rows)[0] > n * 9 / 20);
         let mixed = (0..n).map(|i| if i % 3 == 0 { good } else { bad });
         assert!(planned(mixed)[1] < 100 * n / 16);
+        let worse = (0..n).map(|i| if i < n / 2 { [300, 60] } else { [30, 60] });
+        assert!(planned(worse)[1] <= 30 * (n / 2) / 12);
         for n in [16, 64, 10_000] {
             let [n_together, lost] = planned((0..n).map(|_| bad));
             assert!(n_together == 0 && lost <= 100 * n / 12, "{lost} of {n}");

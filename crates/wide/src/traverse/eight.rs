@@ -298,6 +298,12 @@ impl EightRays {
         self.are_all
     }
 
+    /// The scaled ends of their intervals.
+    #[inline(always)]
+    pub(crate) fn t_max(&self) -> [f32; 8] {
+        self.t_max
+    }
+
     /// Whether ray `i`, one of the first eight, can hit.
     #[inline(always)]
     pub(crate) fn can_hit(&self, i: usize) -> bool {

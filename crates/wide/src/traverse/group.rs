@@ -82,6 +82,17 @@ impl<'a, S: Simd> RayGroup<'a, S> {
         })
     }
 
+    /// Whether no ray enters a child of the root.
+    #[inline(always)]
+    pub(crate) fn misses(&self, simd: S, nodes: &Nodes) -> bool {
+        match nodes.root.kind() {
+            DecodedWord::Node(NodeKind::Aligned, line) => {
+                self.enter(simd, rows::<ALIGNED_LINES, 8>(&nodes.lines, line), f32::INFINITY).mask == 0
+            }
+            _ => false,
+        }
+    }
+
     /// Calls `leaf` with each ray that enters a leaf at or before its `t_max`, nearer subtrees of the group first where `ORDERED`. It returns the
     /// new `t_max` of the ray; a negative one ends its traversal.
     ///
