@@ -14,13 +14,14 @@ use canted_lbvh::{Child, ChildKind, NodeId, Tree, stages::stage};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, Builder, GroupConfig, Groups, Split, TopDownConfig};
 
-use crate::build::collapse::{ALIGNED, Areas, BOTH, Plan, Table, positive, tables};
+use crate::build::collapse::{ALIGNED, Areas, BOTH, Plan, PlanCosts, Table, positive, tables};
 use crate::build::frames::mesh_frame::{self, MeshFrameConfig};
 use crate::build::frames::{BoxAreas, Fits};
 use crate::build::item::{self, Item, Items};
 use crate::build::subtrees;
 use crate::build::subtrees::{Aligned, LeafContents};
 use crate::config::{Config, Costs};
+use crate::node::NodeKind;
 use crate::par;
 
 /// The mesh is rotated where the cost of a quickly built tree falls to this part.
@@ -58,6 +59,8 @@ pub(crate) struct Oriented<I> {
     pub(crate) sorted: Vec<I>,
     pub(crate) fits: Fits,
     pub(crate) tables: Vec<Table<BOTH>>,
+    /// [`PlanCosts::line`] of the tables.
+    pub(crate) line_cost: f32,
 }
 
 impl<'a, I: Item> Chosen<'a, I> {
@@ -91,8 +94,13 @@ impl<'a, I: Item> Chosen<'a, I> {
         let fits = stage("frames of nodes", || I::fits(&sorted, scale, &self.tree, self.rows, &areas));
         let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
         let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
-        let tables = stage("plan", || tables(&self.tree, self.members(), inner, leaf, &config.costs));
-        self.oriented = Some(Oriented { sorted, fits, tables });
+        let n_lines = NodeKind::Aligned.n_lines() * self.primitives().len().max(1);
+        let line = I::MEMORY_COST * self.aligned_cost(&config.costs) / n_lines as f32;
+        // Nodes that are disabled have infinite costs.
+        let line = if line.is_finite() { line } else { 0.0 };
+        let costs = PlanCosts { rays: config.costs, line };
+        let tables = stage("plan", || tables(&self.tree, self.members(), inner, leaf, &costs));
+        self.oriented = Some(Oriented { sorted, fits, tables, line_cost: line });
     }
 
     /// The primitives of each leaf.
@@ -131,25 +139,26 @@ impl<'a, I: Item> Chosen<'a, I> {
         self.oriented_cost(costs).unwrap_or(f32::INFINITY).min(self.aligned_cost(costs))
     }
 
-    /// The same where nodes may be oriented.
+    /// The same where nodes may be oriented, with the cost of their memory.
     fn oriented_cost(&self, costs: &Costs) -> Option<f32> {
-        let tables = &self.oriented.as_ref()?.tables;
+        let Oriented { tables, line_cost: line, .. } = self.oriented.as_ref()?;
         let leaf_areas = |i: usize| self.both_leaf(i);
         let (tree, members) = (&self.tree, self.members());
-        let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &leaf_areas };
+        let costs = PlanCosts { rays: *costs, line: *line };
+        let plan = Plan { tree, members, costs, tables, leaf_areas: &leaf_areas };
         Some(tree.root().map_or(0.0, |root| plan.cost(root)))
     }
 }
 
 fn tables_of_aligned(tree: &Tree, members: LeafContents, aligned: &Aligned, costs: &Costs) -> Vec<Table<ALIGNED>> {
     let inner = |id: NodeId| [positive(aligned.inner_areas[id.index()])];
-    tables(tree, members, inner, |i| [positive(aligned.leaf_areas[i])], costs)
+    tables(tree, members, inner, |i| [positive(aligned.leaf_areas[i])], &PlanCosts::of_rays(costs))
 }
 
 /// Predicted cost of aligned nodes, whose tables these are.
 fn root_cost(tree: &Tree, members: LeafContents, aligned: &Aligned, tables: &[Table<ALIGNED>], costs: &Costs) -> f32 {
     let leaf_areas = |i: usize| [positive(aligned.leaf_areas[i])];
-    let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &leaf_areas };
+    let plan = Plan { tree, members, costs: PlanCosts::of_rays(costs), tables, leaf_areas: &leaf_areas };
     tree.root().map_or(0.0, |root| plan.cost(root))
 }
 
@@ -175,22 +184,32 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
         None => (Obb::IDENTITY_FRAME, unrotated),
     };
     let costs = &config.costs;
-    if let Some(groups) = config.groups {
+    if let Some(config_of_groups) = config.groups {
         // Boxes are made again in the few cases that need them: they take half the memory of a BVH.
-        let (tree, groups) = canted_sah::grouped(boxes, &limited(groups, costs));
+        let (tree, groups) = canted_sah::grouped(boxes, &limited(config_of_groups, costs));
         let coarse = Chosen::of((tree, Some(groups)), items, &[], rows, scale, costs);
-        if !config.oriented
-            || stage("sample of oriented nodes", || sampled_cost(&coarse, config, scale)) > MAX_SAMPLED_COST
-        {
+        let most = if I::REFINES_GROUPS { config.max_oriented_cost } else { MAX_SAMPLED_COST };
+        let sampled = || sampled_cost(&coarse, config, scale);
+        if !config.oriented || stage("sample of oriented nodes", sampled) > most {
             return coarse;
         }
         let boxes = boxes_along(&rows);
+        let of_pairs = || {
+            let config = GroupConfig { max_group: 2, max_run: 2, ..config_of_groups };
+            let (tree, groups) = canted_sah::grouped(&boxes, &config);
+            refined(&tree, &groups)
+        };
         let groups = coarse.groups.as_ref().filter(|_| I::REFINES_GROUPS);
-        let full = match groups.and_then(|groups| refined(&coarse.tree, groups)) {
+        let full = match groups.and_then(|groups| refined(&coarse.tree, groups).or_else(of_pairs)) {
             Some(tree) => fitted(tree, items, &boxes, rows, scale, config),
             None => full(items, &boxes, rows, scale, config),
         };
-        return oriented_or(full, coarse, costs);
+        return oriented_or(
+            full,
+            coarse,
+            if I::REFINES_GROUPS { config.max_oriented_cost } else { MAX_ORIENTED_COST },
+            costs,
+        );
     }
     let full = full(items, &boxes, rows, scale, config);
     let is_worth_it =
@@ -225,10 +244,10 @@ fn limited(groups: GroupConfig, costs: &Costs) -> GroupConfig {
     GroupConfig { max_group: groups.max_group.min(costs.max_leaf as u32), ..groups }
 }
 
-/// `full` with oriented nodes where that is worth it, else the cheaper tree with aligned ones.
-fn oriented_or<'a, I: Item>(full: Chosen<'a, I>, coarse: Chosen<'a, I>, costs: &Costs) -> Chosen<'a, I> {
+/// `full` with oriented nodes where they cost at most this part, else the cheaper tree with aligned ones.
+fn oriented_or<'a, I: Item>(full: Chosen<'a, I>, coarse: Chosen<'a, I>, most: f32, costs: &Costs) -> Chosen<'a, I> {
     let [of_full, of_coarse] = [&full, &coarse].map(|chosen| chosen.aligned_cost(costs));
-    if full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * of_full.min(of_coarse)) {
+    if full.oriented_cost(costs).is_some_and(|cost| cost <= most * of_full.min(of_coarse)) {
         return full;
     }
     if of_full < of_coarse { Chosen { oriented: None, ..full } } else { coarse }
@@ -350,7 +369,8 @@ const SAMPLE_BUILDER: Builder = Builder::TopDown(
 fn sampled_cost<I: Item>(chosen: &Chosen<I>, config: &Config, scale: f32) -> f32 {
     let leaf_areas = |i: usize| chosen.aligned_leaf(i);
     let (tree, members) = (&chosen.tree, chosen.members());
-    let plan = Plan { tree, members, costs: config.costs, tables: &chosen.aligned_tables, leaf_areas: &leaf_areas };
+    let costs = PlanCosts::of_rays(&config.costs);
+    let plan = Plan { tree, members, costs, tables: &chosen.aligned_tables, leaf_areas: &leaf_areas };
     let Some(root) = tree.root() else { return 1.0 };
     let range = |child: Child| {
         let range = match child.kind() {

@@ -45,6 +45,21 @@ pub(crate) struct Table<const KINDS: usize> {
     areas: Areas<KINDS>,
 }
 
+/// What a collapse minimizes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlanCosts {
+    pub(crate) rays: Costs,
+    /// Of the memory of a cache line of nodes, in tests of aligned nodes times area: zero, or nodes are fuller than rays alone would have them.
+    pub(crate) line: f32,
+}
+
+impl PlanCosts {
+    /// Memory costs nothing.
+    pub(crate) fn of_rays(rays: &Costs) -> Self {
+        Self { rays: *rays, line: 0.0 }
+    }
+}
+
 /// Costs of all collapses of a binary tree, by node: what a [`Plan`] is read from.
 ///
 /// Reads: a binary tree, areas of its inner nodes and, by leaf order, of its leaves. Writes: a table for each inner node.
@@ -55,10 +70,10 @@ pub(crate) fn tables<const KINDS: usize>(
     members: LeafContents,
     inner_areas: impl Fn(NodeId) -> Areas<KINDS> + Sync,
     leaf_areas: impl Fn(usize) -> Areas<KINDS> + Sync,
-    costs: &Costs,
+    costs: &PlanCosts,
 ) -> Vec<Table<KINDS>> {
-    let leaf = |position: u32| leaf_table(leaf_areas(position as usize), members.n(position, position), costs);
-    let unset = leaf_table([0.0; KINDS], 1, costs);
+    let leaf = |position: u32| leaf_table(leaf_areas(position as usize), members.n(position, position), &costs.rays);
+    let unset = leaf_table([0.0; KINDS], 1, &costs.rays);
     bottom_up(tree, unset, leaf, |id, node, left: &Table<KINDS>, right: &Table<KINDS>| {
         join(inner_areas(id), members.n(node.first, node.last), left, right, costs)
     })
@@ -70,7 +85,7 @@ pub(crate) fn tables<const KINDS: usize>(
 pub(crate) struct Plan<'a, const KINDS: usize> {
     pub(crate) tree: &'a Tree,
     pub(crate) members: LeafContents<'a>,
-    pub(crate) costs: Costs,
+    pub(crate) costs: PlanCosts,
     /// Of the tree, with the same costs and areas.
     pub(crate) tables: &'a [Table<KINDS>],
     /// In leaf order.
@@ -81,7 +96,7 @@ impl<const KINDS: usize> Plan<'_, KINDS> {
     fn table(&self, child: Child) -> Table<KINDS> {
         match child.kind() {
             ChildKind::Leaf(position) => {
-                leaf_table((self.leaf_areas)(position as usize), self.members.n(position, position), &self.costs)
+                leaf_table((self.leaf_areas)(position as usize), self.members.n(position, position), &self.costs.rays)
             }
             ChildKind::Inner(id) => self.tables[id.index()],
         }
@@ -145,7 +160,7 @@ fn join<const KINDS: usize>(
     n: usize,
     left: &Table<KINDS>,
     right: &Table<KINDS>,
-    costs: &Costs,
+    costs: &PlanCosts,
 ) -> Table<KINDS> {
     let mut table = Table { slots: [[0.0; WIDTH - 1]; KINDS], node: [f32::INFINITY; KINDS], areas };
     for kind in 0..KINDS {
@@ -165,14 +180,14 @@ fn join<const KINDS: usize>(
 /// The cheapest form of a subtree of `n` primitives whose box has `area` in its parent; where no form has a finite cost, one
 /// that holds it.
 #[inline]
-fn best_form<const KINDS: usize>(table: &Table<KINDS>, area: f32, n: usize, costs: &Costs) -> (f32, Form) {
-    let mut best = if n <= costs.max_leaf {
-        (area * costs.leaf_of(n), Form::Leaf)
+fn best_form<const KINDS: usize>(table: &Table<KINDS>, area: f32, n: usize, costs: &PlanCosts) -> (f32, Form) {
+    let mut best = if n <= costs.rays.max_leaf {
+        (area * costs.rays.leaf_of(n), Form::Leaf)
     } else {
         (f32::INFINITY, Form::Node(NodeKind::Aligned))
     };
     for (kind, below) in NodeKind::ALL.into_iter().zip(table.node) {
-        let cost = area * costs.node(kind) + below;
+        let cost = area * costs.rays.node(kind) + below + costs.line * kind.n_lines() as f32;
         if cost < best.0 {
             best = (cost, Form::Node(kind));
         }
@@ -191,4 +206,55 @@ fn best_division(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1], slots: usize
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::soup;
+    use canted_lbvh::{Leaf, triangle_corners};
+    use canted_obb::Aabb;
+    use canted_sah::Builder;
+
+    use super::*;
+    use crate::build::subtrees::Aligned;
+
+    /// What rays cost below a subtree, and its cache lines, node by node.
+    fn walked(plan: &Plan<ALIGNED>, child: Child, parent: NodeKind) -> (f64, usize) {
+        let area = f64::from(plan.area(child, parent));
+        let Form::Node(kind) = plan.form(child, parent) else {
+            return (area * f64::from(plan.costs.rays.leaf_of(1)), 0);
+        };
+        let own = (area * f64::from(plan.costs.rays.node(kind)), kind.n_lines());
+        let below = plan.children(child, kind).into_iter().map(|child| walked(plan, child, kind));
+        below.fold(own, |(cost, n_lines), (more, n_more)| (cost + more, n_lines + n_more))
+    }
+
+    #[test]
+    fn a_cost_of_memory_makes_fewer_nodes_and_is_part_of_the_cost() {
+        let mesh = soup(9, 2_000);
+        let corners = triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0;
+        let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+        let tree =
+            canted_sah::build(&boxes, &boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b)), &Builder::default());
+        let aligned = Aligned::of(&tree, &boxes, 1.0);
+        let leaf_areas = |i: usize| [positive(aligned.leaf_areas[i])];
+        let root = tree.root().unwrap();
+        let planned = |line: f32| {
+            let costs = PlanCosts { rays: Costs { max_leaf: 1, ..Costs::default() }, line };
+            let inner = |id: NodeId| [positive(aligned.inner_areas[id.index()])];
+            let tables = tables(&tree, LeafContents::Single, inner, leaf_areas, &costs);
+            let plan =
+                Plan { tree: &tree, members: LeafContents::Single, costs, tables: &tables, leaf_areas: &leaf_areas };
+            (walked(&plan, root, NodeKind::Aligned), f64::from(plan.cost(root)))
+        };
+        let ((least, most_lines), cost) = planned(0.0);
+        // Sums of some ten thousand positive terms in f32, of one level after the other.
+        let is_equal = |a: f64, b: f64| (a - b).abs() < 1e-5 * b;
+        assert!(is_equal(least, cost), "{least} {cost}");
+        let line = (0.1 * cost / most_lines as f64) as f32;
+        let ((rays, n_lines), with_memory) = planned(line);
+        assert!(n_lines < most_lines && rays >= (1.0 - 1e-5) * least, "{n_lines} of {most_lines}, {rays}, {least}");
+        assert!(is_equal(rays + f64::from(line) * n_lines as f64, with_memory));
+        assert!(!is_equal(rays, with_memory), "memory is not part of the cost of rays");
+    }
 }

@@ -17,17 +17,18 @@ use std::ops::DerefMut;
 
 use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree, stages::stage};
 use canted_obb::{Aabb, Obb, PrimId};
+use canted_sah::GroupConfig;
 use canted_trace::ReferencePoint;
 
 use crate::build::binary::{Chosen, Oriented};
-use crate::build::collapse::{ALIGNED, Plan, Table};
+use crate::build::collapse::{ALIGNED, Plan, PlanCosts, Table};
 use crate::build::emit::{Leaves, emit, write_ids, write_triangles};
 use crate::build::item::{Item, Items};
 use crate::build::layout::{Source, TooLarge, layout};
 use crate::build::subtrees::SubtreeReaches;
 use crate::bvh::{PredictedCost, TriangleBvh, WideBvh};
 use crate::config::{Baseline, Config, Costs};
-use crate::leaf::{Blocks, LeafPrimitive, Placed, Primitive, Primitives, Shapes};
+use crate::leaf::{Blocks, LeafPrimitive, Placed, Primitive, Primitives, Shapes, is_filtered};
 use crate::node::{HalfBlock, LeafLayout, Limits, NodeKind, Nodes, Records};
 use crate::par;
 use crate::simd::AvailablePath;
@@ -206,7 +207,10 @@ impl<P: Primitive> WideBvh<P> {
         let Costs { max_leaf, leaf, block, .. } = config.costs;
         let leaf = if P::BALL.is_some() { BALLS_LEAF * leaf } else { leaf };
         let costs = Costs { max_leaf: max_leaf.min(P::MAX_LEAF), leaf, block: block * P::COST, ..config.costs };
-        let config = Config { costs, ..*config }.usable();
+        // Eight are filtered at once, so that larger groups, which take half the time to build, are as fast.
+        let larger = |groups| GroupConfig { max_group: 8, max_run: 8, ..groups };
+        let groups = if is_filtered::<P>() { config.groups.map(larger) } else { config.groups };
+        let config = Config { costs, groups, ..*config }.usable();
         let reference = reference_of(&primitives);
         let built = over_primitives(&primitives, &boxes, reference, P::ERROR, &config, limits)?;
         Ok(built
@@ -422,7 +426,8 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
         pads: BoxPads::new(Pads::of(error), *rows == Obb::IDENTITY_FRAME),
     };
     let (aligned_areas, both_areas) = (|i: usize| chosen.aligned_leaf(i), |i: usize| chosen.both_leaf(i));
-    let plan = Plan { tree, members, costs: *costs, tables: &aligned_tables, leaf_areas: &aligned_areas };
+    let of_rays = PlanCosts::of_rays(costs);
+    let plan = Plan { tree, members, costs: of_rays, tables: &aligned_tables, leaf_areas: &aligned_areas };
     let costs_of_aligned = tree.root().map(|root| (plan.area(root, NodeKind::Aligned), plan.cost(root)));
     let predicted = |chosen: Option<f32>| {
         costs_of_aligned.map_or_else(PredictedCost::default, |(area, aligned)| PredictedCost {
@@ -430,7 +435,7 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
             chosen: chosen.unwrap_or(aligned) / area,
         })
     };
-    let (Some(Oriented { tables, .. }), Some(root)) = (oriented, tree.root()) else {
+    let (Some(Oriented { tables, line_cost, .. }), Some(root)) = (oriented, tree.root()) else {
         let layout = stage("layout", || layout(&source, &plan, limits, leaves.layout))?;
         // They take half the memory of a BVH, and records are only now allocated.
         drop(aligned_tables);
@@ -438,8 +443,11 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
         return Ok((nodes, units, predicted(None)));
     };
     drop(aligned_tables);
-    let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &both_areas };
+    let costs = PlanCosts { line: *line_cost, ..of_rays };
+    let plan = Plan { tree, members, costs, tables, leaf_areas: &both_areas };
     let layout = stage("layout", || layout(&source, &plan, limits, leaves.layout))?;
     let (nodes, units) = stage("records", || emit(&source, &layout, leaves));
-    Ok((nodes, units, predicted(Some(plan.cost(root)))))
+    // The cost of memory is none of rays.
+    let cost = plan.cost(root) - line_cost * nodes.lines.len() as f32;
+    Ok((nodes, units, predicted(Some(cost))))
 }

@@ -17,6 +17,7 @@ impl Primitive for Sphere {
     const IS_LOCAL: bool = true;
     // Four filters of eight in a row take less than the nodes that they save.
     const MAX_LEAF: usize = 32;
+    const COST: f32 = 0.5;
     const BALL: Option<fn(&Self) -> Sphere> = Some(|sphere| *sphere);
     const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(|sphere| [sphere.to_data(); 4]);
     const IS_HULL: bool = true;
@@ -58,7 +59,7 @@ impl SavedPrimitive for Sphere {
 impl Primitive for RoundSegment {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 8;
-    const COST: f32 = 4.0;
+    const COST: f32 = 2.0;
     const HULL: Option<fn(&Self) -> RoundSegment> = Some(|segment| *segment);
     const FIT_BALLS: Option<fn(&Self) -> FourBalls> = Some(balls_of_segment);
     const IS_HULL: bool = true;

@@ -122,6 +122,9 @@ fn diagonal_capsules_get_oriented_nodes_that_save_tests() {
     let (none, aligned) = count(Config::default().axis_aligned());
     assert!(n > 100 && none == 0, "{n} oriented nodes");
     assert!(2 * oriented.triangles < aligned.triangles && oriented.boxes < aligned.boxes, "{oriented:?}, {aligned:?}");
+    // No cost is that low.
+    let (never, _) = count(Config { max_oriented_cost: 0.0, ..Config::default() });
+    assert_eq!(never, 0);
 }
 
 #[test]
