@@ -56,8 +56,8 @@ fn main(id: Invocation) {
         radiance = state.radiance;
         n_rays = state.n_rays;
         if is_dropped(radiance) {
-            drop_components();
-            drop_first_light();
+            clear_components();
+            clear_first_light();
         }
     }
     keep(group, id.local, one, radiance, n_rays);

@@ -43,7 +43,7 @@ fn main(id: Invocation) {
         radiance = path.radiance;
         n_rays = path.n_rays;
         if is_dropped(radiance) {
-            drop_components();
+            clear_components();
         }
     }
     keep(group, id.local, one, radiance, n_rays);

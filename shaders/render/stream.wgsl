@@ -52,7 +52,7 @@ fn resume_parts(index: u32) {
 
 /// Makes it zero.
 fn drop_parts() {
-    drop_components();
+    clear_components();
 }
 
 /// Whether a surface scattered the onward ray.
@@ -83,8 +83,8 @@ fn resume_parts(index: u32) {
 
 /// Makes it zero.
 fn drop_parts() {
-    drop_components();
-    drop_first_light();
+    clear_components();
+    clear_first_light();
 }
 
 /// Whether a surface scattered the onward ray.

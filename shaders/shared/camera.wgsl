@@ -239,7 +239,7 @@ fn add_arriving(vertex: u32, light: vec3<f32>) {}
 
 fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {}
 
-fn drop_first_light() {}
+fn clear_first_light() {}
 
 // choice first_light/four
 // It is kept sample by sample, as `samples` are, and added up there: no register waits for more of it.
@@ -258,7 +258,7 @@ var<private> first_light_at: u32;
 
 fn start_first_light(index: u32) {
     first_light_at = index;
-    drop_first_light();
+    clear_first_light();
 }
 
 /// Continues with the light that is kept of a sample.
@@ -291,7 +291,7 @@ fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {
 }
 
 /// Makes it zero, for a sample that begins or is dropped.
-fn drop_first_light() {
+fn clear_first_light() {
     first_light[first_light_at] = array<Light, 4>();
 }
 
@@ -307,7 +307,7 @@ fn resume_components(index: u32) {}
 
 fn add_component(n_scattered: u32, light: vec3<f32>) {}
 
-fn drop_components() {}
+fn clear_components() {}
 
 // choice components/three
 // It is kept sample by sample, as `samples` are, and added up there: no register waits for more of it.
@@ -320,7 +320,7 @@ var<private> components_at: u32;
 
 fn start_components(index: u32) {
     components_at = index;
-    drop_components();
+    clear_components();
 }
 
 /// Continues with the components that are kept of a sample.
@@ -339,6 +339,6 @@ fn add_component(n_scattered: u32, light: vec3<f32>) {
 }
 
 /// Makes them zero, for a sample that begins or is dropped.
-fn drop_components() {
+fn clear_components() {
     components[components_at] = array<array<f32, 3>, 3>();
 }
