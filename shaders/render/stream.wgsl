@@ -26,7 +26,7 @@ fn keep_done(state: State, one: PixelSample, index: u32) {
     if state.stage == DONE {
         keep(index / 64u, index % 64u, one, state.radiance, state.n_rays);
         if is_dropped(state.radiance) {
-            drop_parts();
+            clear_parts();
         }
     }
 }
@@ -51,7 +51,7 @@ fn resume_parts(index: u32) {
 }
 
 /// Makes it zero.
-fn drop_parts() {
+fn clear_parts() {
     clear_components();
 }
 
@@ -82,7 +82,7 @@ fn resume_parts(index: u32) {
 }
 
 /// Makes it zero.
-fn drop_parts() {
+fn clear_parts() {
     clear_components();
     clear_first_light();
 }

@@ -336,7 +336,7 @@ pub(crate) fn unused_features(
         BvhKind::Wide if config.aligned => Some("aligned nodes were requested"),
         BvhKind::Bvh2 | BvhKind::Wide => {
             let has_any = levels.bottom().iter().any(BottomLevel::has_oriented_nodes);
-            (!has_any).then_some("no gain in predicted cost")
+            (!has_any).then_some("too little gain in predicted cost")
         }
     };
     let one_level = choice.is_one.then_some(match choice.reason {

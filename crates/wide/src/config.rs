@@ -10,12 +10,12 @@ pub enum Preset {
     Dynamic,
     /// For geometry that changes: a binary tree over groups of up to eight primitives.
     Fast,
-    /// Nearly the fastest traversal: smaller groups, moved where that helps, and a mesh frame. Over curves and other shapes a short build and little memory:
-    /// oriented nodes only where they save a third of the predicted cost.
+    /// Nearly the fastest traversal: smaller groups, moved where that helps, and a mesh frame. Over curves and other shapes, as with
+    /// `Fast`, a short build and little memory: oriented nodes only where they save 30 % of the predicted cost.
     #[default]
     Balanced,
     /// The fastest traversal: groups are moved further; over triangles, where oriented nodes may pay, the better of two binary trees.
-    /// Over other shapes oriented nodes wherever they save a few percent.
+    /// Over other shapes oriented nodes wherever they save 3 %.
     Quality,
 }
 
@@ -41,7 +41,8 @@ pub struct Config {
     /// Traversal costs, which the collapse minimizes.
     pub costs: Costs,
     /// Builds a binary tree over groups of primitives first, and `builder` is used only where a sample of its subtrees shows
-    /// that oriented nodes may pay, over triangles only: over other primitives groups of two are divided. `None` for `builder` always.
+    /// that oriented nodes may pay, over triangles only: over other primitives groups of two are divided. Groups are of eight and more over
+    /// primitives with [`HULL`](crate::Primitive::HULL) or [`BALL`](crate::Primitive::BALL). `None` for `builder` always.
     pub groups: Option<GroupConfig>,
     /// Builder of a binary tree with a primitive per leaf.
     pub builder: Builder,
@@ -49,8 +50,9 @@ pub struct Config {
     pub alternative_builder: Option<Builder>,
     /// Whether nodes may be oriented.
     pub oriented: bool,
-    /// Over other primitives than triangles, oriented nodes are used only where they lower the predicted cost to this part, as a sample shows:
-    /// builds with frames take several times as long, and BVHs with them more memory.
+    /// Over other primitives than triangles, oriented nodes are used only where they lower the predicted cost, with one for their
+    /// memory, to this part, as a sample shows: builds with frames take several times as long, and BVHs with them more memory. With
+    /// zero, negative numbers and NaN no node is oriented.
     pub max_oriented_cost: f32,
     /// Whether aligned nodes may be aligned with a frame of the mesh instead of the coordinate axes.
     pub rotate_mesh: bool,
@@ -95,16 +97,18 @@ impl Config {
         Self { oriented: false, rotate_mesh: false, ..self }
     }
 
-    /// The same settings with [`Costs::ON_DEVICES`] in place of their own: small leaves, which are faster on devices.
+    /// The same settings with [`Costs::ON_DEVICES`] in place of their own, and oriented nodes over any primitives where they lower the
+    /// predicted cost by 8 %: small leaves are faster on devices, which test primitives one by one.
     #[must_use]
     pub fn for_devices(self) -> Self {
-        // Leaves are not filtered there, so oriented nodes, which keep rays away from them, pay sooner.
         Self { costs: Costs::ON_DEVICES, max_oriented_cost: 0.92, ..self }
     }
 
     /// The settings as builds use them: see [`Costs`].
     pub(crate) fn usable(&self) -> Self {
-        Self { costs: self.costs.usable(self.oriented), ..*self }
+        // The greater of NaN and zero is zero.
+        let max_oriented_cost = self.max_oriented_cost.max(0.0);
+        Self { costs: self.costs.usable(self.oriented), max_oriented_cost, ..*self }
     }
 }
 
@@ -124,8 +128,9 @@ impl Default for Config {
 ///
 /// Over 14 scenes on an AMD EPYC (Zen 5) a ray takes 19 ns for an aligned node, 40 for an oriented one and 8 for a block. What
 /// a leaf costs differs: next to nothing in a soup, as much as two nodes in a lattice, where its branches are seldom predicted;
-/// the default lies between. `benches/TRIED.md` has the tables. Oriented nodes are used only where they lower the predicted cost
-/// of a BVH by 8 %: smaller gains are within the error of the prediction.
+/// the default lies between. `benches/TRIED.md` has the tables. Over triangles oriented nodes are used only where they lower the
+/// predicted cost of a BVH by 8 %: smaller gains are within the error of the prediction. Over other primitives see
+/// [`Config::max_oriented_cost`].
 ///
 /// An infinite cost disables a kind of node, unless no other is left. Negative costs and NaN count as infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -113,7 +113,7 @@ fn the_report_says_why_oriented_nodes_are_not_needed() {
         let oriented = parts.iter().find(|unused| unused["part"] == "oriented nodes");
         oriented.map(|unused| unused["reason"].as_str().unwrap().to_owned())
     };
-    assert_eq!(reason("small.obj").as_deref(), Some("no gain in predicted cost"));
+    assert_eq!(reason("small.obj").as_deref(), Some("too little gain in predicted cost"));
     assert_eq!(reason("small.obj --volumes aabb").as_deref(), Some("axis-aligned boxes were requested"));
     assert_eq!(reason("--volumes aabb").as_deref(), Some("axis-aligned boxes were requested"));
     assert_eq!(reason(""), None, "the built-in scene has diagonal beams");

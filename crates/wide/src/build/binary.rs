@@ -1,8 +1,8 @@
 //! Which binary tree is collapsed, in which frame its boxes are aligned, and whether nodes may be oriented.
 //!
 //! A tree over groups of primitives is quick to build and good for aligned nodes. Only where a sample of its subtrees shows
-//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them; over other primitives than triangles, the same
-//! tree with its groups of two divided.
+//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them; over other primitives than triangles, a
+//! tree over groups of two with these divided.
 //!
 //! Frames and their plan take longer than all the rest of a quick build, and on scans, terrain and architecture the plan then
 //! has few oriented nodes or none. So subtrees are sampled, in proportion to their cost; each is built again with a
@@ -184,11 +184,12 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
         None => (Obb::IDENTITY_FRAME, unrotated),
     };
     let costs = &config.costs;
+    let max_oriented = if I::REFINES_GROUPS { config.max_oriented_cost } else { MAX_ORIENTED_COST };
     if let Some(config_of_groups) = config.groups {
         // Boxes are made again in the few cases that need them: they take half the memory of a BVH.
         let (tree, groups) = canted_sah::grouped(boxes, &limited(config_of_groups, costs));
         let coarse = Chosen::of((tree, Some(groups)), items, &[], rows, scale, costs);
-        let most = if I::REFINES_GROUPS { config.max_oriented_cost } else { MAX_SAMPLED_COST };
+        let most = if I::REFINES_GROUPS { max_oriented } else { MAX_SAMPLED_COST };
         let sampled = || sampled_cost(&coarse, config, scale);
         if !config.oriented || stage("sample of oriented nodes", sampled) > most {
             return coarse;
@@ -204,16 +205,10 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
             Some(tree) => fitted(tree, items, &boxes, rows, scale, config),
             None => full(items, &boxes, rows, scale, config),
         };
-        return oriented_or(
-            full,
-            coarse,
-            if I::REFINES_GROUPS { config.max_oriented_cost } else { MAX_ORIENTED_COST },
-            costs,
-        );
+        return oriented_or(full, coarse, max_oriented, costs);
     }
     let full = full(items, &boxes, rows, scale, config);
-    let is_worth_it =
-        full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * full.aligned_cost(costs));
+    let is_worth_it = full.oriented_cost(costs).is_some_and(|cost| cost <= max_oriented * full.aligned_cost(costs));
     Chosen { oriented: if is_worth_it { full.oriented } else { None }, ..full }
 }
 

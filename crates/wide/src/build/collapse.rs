@@ -49,7 +49,8 @@ pub(crate) struct Table<const KINDS: usize> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlanCosts {
     pub(crate) rays: Costs,
-    /// Of the memory of a cache line of nodes, in tests of aligned nodes times area: zero, or nodes are fuller than rays alone would have them.
+    /// Of the memory of a cache line of nodes, in tests of aligned nodes times area: zero, or nodes are fuller than rays alone would have
+    /// them.
     pub(crate) line: f32,
 }
 

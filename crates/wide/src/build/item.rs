@@ -18,8 +18,8 @@ pub(crate) trait Item: Copy + Send + Sync {
     /// it takes half the time and has fewer nodes a ray (`benches/TRIED.md`); over other shapes it was not measured.
     const REFINES_GROUPS: bool;
 
-    /// What an aligned node costs for its memory, relative to the cost of a primitive in a BVH with aligned nodes; an oriented one twice as much. Counted
-    /// where oriented nodes are used: otherwise half of their slots are empty.
+    /// What an aligned node costs for its memory, relative to the cost of a primitive in a BVH with aligned nodes; an oriented one twice
+    /// as much. Counted where oriented nodes are used: without it up to a third of their slots are empty.
     const MEMORY_COST: f32;
 
     /// Relative to this point of object space; the item is not moved yet.

@@ -207,8 +207,11 @@ impl<P: Primitive> WideBvh<P> {
         let Costs { max_leaf, leaf, block, .. } = config.costs;
         let leaf = if P::BALL.is_some() { BALLS_LEAF * leaf } else { leaf };
         let costs = Costs { max_leaf: max_leaf.min(P::MAX_LEAF), leaf, block: block * P::COST, ..config.costs };
-        // Eight are filtered at once, so that larger groups, which take half the time to build, are as fast.
-        let larger = |groups| GroupConfig { max_group: 8, max_run: 8, ..groups };
+        // Eight are filtered at once, so rays are as fast where groups are larger, which take half the time to build.
+        let larger = |groups: GroupConfig| {
+            let [max_group, max_run] = [groups.max_group, groups.max_run].map(|n| n.max(8));
+            GroupConfig { max_group, max_run, ..groups }
+        };
         let groups = if is_filtered::<P>() { config.groups.map(larger) } else { config.groups };
         let config = Config { costs, groups, ..*config }.usable();
         let reference = reference_of(&primitives);

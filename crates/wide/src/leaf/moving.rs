@@ -72,7 +72,8 @@ impl<P: Moves> Primitive for Moving<P> {
     const IS_LOCAL: bool = P::IS_LOCAL;
     // Without hulls for eight at once.
     const MAX_LEAF: usize = if P::MAX_LEAF > 2 { 2 } else { P::MAX_LEAF };
-    const COST: f32 = P::COST;
+    // What is tested without a filter costs twice as much.
+    const COST: f32 = if P::IS_HULL { 2.0 * P::COST } else { P::COST };
 
     fn bounds(&self) -> Aabb {
         let [a, b] = [self.open.bounds(), self.close.bounds()];

@@ -108,7 +108,7 @@ impl<const PLAIN: bool, A: SliceAnswer> Task for Slice<'_, PLAIN, A> {
             eights[1].prepare(simd, high, &bvh.frame, PADS);
             let mut way = if rays.len() == GROUP { plan.next() } else { Way::Alone };
             // Not in a closure, which might not be inlined where the instructions are enabled: four times slower.
-            if let Way::Together(_) | Way::Beside = way {
+            if let Way::Together(_) | Way::Missed = way {
                 if let Some(group) = RayGroup::new(simd, &eights, &bvh.frame, PADS) {
                     if group.misses(simd, &bvh.nodes) {
                         for answer in answers {
@@ -184,8 +184,8 @@ enum Way {
     Counted,
     /// As a group that gives up beyond this much work.
     Together(u32),
-    /// Those before passed beside everything: counted, unless these do, too.
-    Beside,
+    /// Those before missed everything: counted, unless these do, too.
+    Missed,
 }
 
 /// The work of a ray in tests of nodes.
@@ -205,7 +205,7 @@ const COUNTED_RARELY: u32 = 256;
 const FIRST_PAUSE: u32 = 15;
 const LONGEST_PAUSE: u32 = 63;
 
-/// Groups that walk alone after rays that pass beside everything, before the next are counted.
+/// Groups that walk alone after rays that miss everything, before the next are counted.
 const IDLE: u32 = 3;
 
 /// Which rays of a slice walk together.
@@ -218,7 +218,7 @@ struct Plan {
     /// The age at which the next one is counted.
     period: u32,
     /// The work of groups since then, and how many walked.
-    together: [u32; 2],
+    together: [u64; 2],
     /// Groups that walk alone before one is tried again.
     waits: u32,
     /// How many after the next failure.
@@ -247,14 +247,14 @@ impl Plan {
             return Way::Together(self.work_alone);
         }
         self.age = 0;
-        if self.is_idle() { Way::Beside } else { Way::Counted }
+        if self.is_idle() { Way::Missed } else { Way::Counted }
     }
 
     /// A group has walked together, with this much work.
     #[inline(always)]
     fn has_walked(&mut self, work: u32) {
         let [sum, n] = self.together;
-        self.together = [sum + work, n + 1];
+        self.together = [sum + u64::from(work), n + 1];
         // The last leaf may have exceeded the limit.
         self.saved = (self.saved + self.work_alone as i32 - work as i32).min(4 * self.work_alone as i32);
         if self.saved >= self.work_alone as i32 {
@@ -268,7 +268,7 @@ impl Plan {
     #[inline(always)]
     fn has_counted(&mut self, work: u32) {
         let [sum, n] = self.together;
-        let saves = u64::from(sum) * 4 <= u64::from(work) * u64::from(n) * 3;
+        let saves = sum * 4 <= u64::from(work) * n * 3;
         self.period = if n > 0 && saves { (2 * self.period).min(COUNTED_RARELY) } else { COUNTED };
         if self.age > 0 {
             self.period = COUNTED;
@@ -281,7 +281,7 @@ impl Plan {
         }
     }
 
-    /// Whether rays pass beside everything, which takes less than any group.
+    /// Whether rays miss everything, which takes less than any group.
     #[inline(always)]
     fn is_idle(&self) -> bool {
         self.work_alone <= OVERHEAD
@@ -489,8 +489,8 @@ mod tests {
             let alone = |i: usize| self.bvh.closest_hit_with(&self.rays[i], &mut Accept(|hit: &Hit| accepts(i, hit)));
             let occluded = |i: usize| self.bvh.occluded_with(&self.rays[i], &mut Accept(|hit: &Hit| accepts(i, hit)));
             let mut n = [0; 3];
-            let (closest, any, n_beside) = self.bvh.path.run(self);
-            n[2] = n_beside;
+            let (closest, any, n_missed) = self.bvh.path.run(self);
+            n[2] = n_missed;
             for (i, hits) in closest.iter().enumerate().filter_map(|(i, hits)| Some((i, hits.as_ref()?))) {
                 n[1] += 1;
                 for (k, hit) in hits.iter().enumerate() {
@@ -517,7 +517,7 @@ mod tests {
             let mut eights = [EightRays::new(), EightRays::new()];
             let mut stack = vec![0; ENTRY * bvh.nodes.stack_len()];
             let mut prepared = [None; GROUP];
-            let (mut closest, mut any, mut n_beside) = (vec![], vec![], 0);
+            let (mut closest, mut any, mut n_missed) = (vec![], vec![], 0);
             for (i, rays) in rays.chunks_exact(GROUP).enumerate() {
                 eights[0].prepare(simd, &rays[..8], &bvh.frame, PADS);
                 eights[1].prepare(simd, &rays[8..], &bvh.frame, PADS);
@@ -538,11 +538,11 @@ mod tests {
                     found
                 }));
                 if group.is_some_and(|group| group.misses(simd, &bvh.nodes)) {
-                    n_beside += 1;
+                    n_missed += 1;
                     assert_eq!(any[i], Some([false; GROUP]));
                 }
             }
-            (closest, any, n_beside)
+            (closest, any, n_missed)
         }
     }
 
@@ -612,7 +612,7 @@ mod tests {
     #[test]
     fn groups_have_the_hits_of_their_rays() {
         let mut rng = SplitMix64::new(16);
-        let (mut n_groups, mut n_rotated, mut n_all_beside) = (0, 0, 0);
+        let (mut n_groups, mut n_rotated, mut n_all_missed) = (0, 0, 0);
         for (m, mesh) in meshes().iter().enumerate() {
             let bvh = built(mesh);
             n_rotated += usize::from(!bvh.frame.is_identity);
@@ -622,15 +622,15 @@ mod tests {
                 let bvh = bvh.clone().with_path(path);
                 for accept in [None, Some(&odd as &AcceptAt)] {
                     let both = Both { bvh: &bvh, rays: &rays, accept, pads: PADS };
-                    let [n_wrong, n, n_beside] = both.differences();
+                    let [n_wrong, n, n_missed] = both.differences();
                     assert_eq!(n_wrong, 0, "mesh {m}, {}", path.name());
                     n_groups += n;
-                    n_all_beside += n_beside;
+                    n_all_missed += n_missed;
                 }
             }
         }
         assert!(n_groups > 1000 && n_rotated > 1, "{n_groups} groups, {n_rotated} rotated frames");
-        assert!(n_all_beside > 20 && n_all_beside < n_groups / 2, "{n_all_beside} groups beside everything");
+        assert!(n_all_missed > 20 && n_all_missed < n_groups / 2, "{n_all_missed} groups that miss everything");
     }
 
     /// Slices in which groups walk together, are given up and are none, with answers of others in the memory for theirs.
@@ -685,8 +685,8 @@ mod tests {
         for [alone, together] in groups {
             match plan.next() {
                 Way::Alone => {}
-                Way::Beside if alone <= OVERHEAD => {}
-                Way::Beside => plan.has_counted(alone),
+                Way::Missed if alone <= OVERHEAD => {}
+                Way::Missed => plan.has_counted(alone),
                 Way::Counted => plan.has_counted(alone),
                 Way::Together(limit) if together <= limit => {
                     n += 1;
@@ -707,7 +707,7 @@ mod tests {
         let n = 10_000;
         let (good, bad) = ([100, 50], [100, 400]);
         assert!(planned((0..n).map(|_| good))[0] > n * 99 / 100);
-        // Rows of pixels beside the object, of which no group is less work, and across it.
+        // Rows of pixels that miss the object, of which no group is less work, and across it.
         let rows = (0..n).map(|i| if i / 64 % 2 == 0 { [16, 25] } else { [300, 60] });
         assert!(planned(rows)[0] > n * 9 / 20);
         let mixed = (0..n).map(|i| if i % 3 == 0 { good } else { bad });

@@ -73,7 +73,7 @@ fn walk_nodes<S: Simd, V: Visitor, const ORDERED: bool, const ORIENTED: bool>(
     let Nodes { lines, root, .. } = nodes;
     let lines: &[CacheLine] = lines;
     let prefetches = lines.len() >= LARGE;
-    // With fewer entries a subtree may be put off: the walk of any other still has room above them.
+    // Subtrees are put off while fewer than this many wait: the walk of any other then has room above them.
     let room = if V::ALL && prefetches { stack.len().saturating_sub(nodes.stack_len() + 8) } else { 0 };
     let mut delayed = Delayed::NONE;
     let mut waiting = 0;

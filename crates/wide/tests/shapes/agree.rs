@@ -123,8 +123,11 @@ fn diagonal_capsules_get_oriented_nodes_that_save_tests() {
     assert!(n > 100 && none == 0, "{n} oriented nodes");
     assert!(2 * oriented.triangles < aligned.triangles && oriented.boxes < aligned.boxes, "{oriented:?}, {aligned:?}");
     // No cost is that low.
-    let (never, _) = count(Config { max_oriented_cost: 0.0, ..Config::default() });
-    assert_eq!(never, 0);
+    for max_oriented_cost in [0.0, -1.0, f32::NAN] {
+        let (never, _) = count(Config { max_oriented_cost, ..Config::default() });
+        let (never_alone, _) = count(Config { max_oriented_cost, groups: None, ..Config::default() });
+        assert_eq!([never, never_alone], [0; 2], "{max_oriented_cost}");
+    }
 }
 
 #[test]
