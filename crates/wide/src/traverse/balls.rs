@@ -45,8 +45,8 @@ impl<S: Simd> RayLine<S> {
     /// length. It enters before the center, and so in its interval if the bound of the entry is not before `t_min`, and the center not
     /// beyond `t_max`.
     ///
-    /// `may_exit` changes time alone: most leaves have no lane that is near the line, but where any hit will do, a branch that is not predicted
-    /// takes longer than the rest. It was not measured for lists of all hits, which do without it, too.
+    /// `may_exit` changes time alone: most leaves have no lane that is near the line, but where any hit will do, a branch that is not
+    /// predicted takes longer than the rest. It was not measured for lists of all hits, which do without it, too.
     #[inline(always)]
     pub(crate) fn near_balls(
         &self,
