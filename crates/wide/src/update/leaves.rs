@@ -53,6 +53,7 @@ impl Task for Stored<'_> {
         while batch.take(&mut self.leaves) {
             read(&batch.blocks, self.words, &mut batch.rows);
             batch.measure(simd);
+            batch.keep_corners(self.states, self.frame);
             batch.add_to(simd, self.states, self.frame);
         }
     }
@@ -80,7 +81,13 @@ impl Task for Moved<'_> {
                 batch.add_products(simd, self.words, products);
             }
             batch.write(simd, self.words);
-            batch.add_to(simd, self.states, &self.triangles.frames[1]);
+            let frame = &self.triangles.frames[1];
+            if batch.has_edges {
+                batch.keep_corners(self.states, frame);
+            } else {
+                batch.keep_vertices(self.states, self.triangles.positions, frame);
+            }
+            batch.add_to(simd, self.states, frame);
         }
     }
 }
@@ -109,13 +116,17 @@ struct Batch<'a> {
     /// Coordinates before the motion, and the products of edges of each triangle, where they are asked for.
     before: [[f32; BATCH]; 9],
     products: [EdgeProducts; BATCH],
+    /// Whether triangles without area were replaced.
+    has_edges: bool,
+    vertices: Distinct,
 }
 
 impl<'a> Batch<'a> {
     fn new() -> Self {
         let (triangles, rows, boxes) = ([[0; 3]; BATCH], [[0.0; BATCH]; 9], [Extremes::EMPTY; BATCH]);
         let (blocks, products) = (Vec::with_capacity(BATCH), [EdgeProducts::ZERO; BATCH]);
-        Self { leaves: &[], blocks, n: 0, triangles, rows, boxes, before: rows, products }
+        let (has_edges, vertices) = (false, Distinct::new());
+        Self { leaves: &[], blocks, n: 0, triangles, rows, boxes, before: rows, products, has_edges, vertices }
     }
 
     /// Takes the next leaves; false where there are none.
@@ -166,12 +177,15 @@ impl<'a> Batch<'a> {
     /// Replaces triangles without area by their longest edges.
     #[inline(always)]
     fn store_flat_as_edges<S: Simd>(&mut self, simd: S) {
+        self.has_edges = false;
         for first in (0..self.n).step_by(LANES) {
             let mut may_be_flat = may_be_flat(simd, &eight(simd, &self.rows, first)) & lanes_below(self.n - first);
             while may_be_flat != 0 {
                 let at = first + may_be_flat.trailing_zeros() as usize;
                 may_be_flat &= may_be_flat - 1;
-                let corners = flat_as_edge(self.corners(at));
+                let given = self.corners(at);
+                let corners = flat_as_edge(given);
+                self.has_edges |= corners != given;
                 self.rows.iter_mut().zip(corners.as_flattened()).for_each(|(row, &x)| row[at] = x);
             }
         }
@@ -257,13 +271,36 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Adds the leaves to those of a piece.
+    /// Keeps the corners of all triangles for the boxes above them, where a piece asks for them.
+    #[inline(always)]
+    fn keep_corners(&self, states: &mut LeafStates<Vertices>, frame: &MeshFrame) {
+        let Some(kept) = &mut states.items else { return };
+        let mut at = 0;
+        for leaf in self.leaves {
+            let first = kept.n_eights();
+            kept.push_rows(&self.rows, at..at + leaf.n, frame.reference);
+            states.ranges.push([first, kept.n_eights()]);
+            at += leaf.n;
+        }
+    }
+
+    /// The same, where triangles are as given: a vertex of several triangles of a leaf once.
+    #[inline(always)]
+    fn keep_vertices(&mut self, states: &mut LeafStates<Vertices>, positions: &[[f32; 3]], frame: &MeshFrame) {
+        let Some(kept) = &mut states.items else { return };
+        let mut at = 0;
+        for leaf in self.leaves {
+            let first = kept.n_eights();
+            let vertices = self.vertices.of(&self.triangles[at..at + leaf.n]);
+            kept.push_vertices(vertices, positions, frame.reference);
+            states.ranges.push([first, kept.n_eights()]);
+            at += leaf.n;
+        }
+    }
+
+    /// Adds the leaves to those of a piece, which has kept their vertices.
     #[inline(always)]
     fn add_to<S: Simd>(&self, simd: S, states: &mut LeafStates<Vertices>, frame: &MeshFrame) {
-        let first = states.items.as_ref().map_or(0, Vertices::n_triangles);
-        if let Some(vertices) = &mut states.items {
-            vertices.push_rows(&self.rows, self.n, frame.reference);
-        }
         let reference = moves(frame.reference);
         let (mut bounds, mut at) = (simd.load(&Extremes::EMPTY.0), 0);
         for leaf in self.leaves {
@@ -288,8 +325,8 @@ impl<'a> Batch<'a> {
             if !frame.is_identity {
                 let vertices =
                     states.items.as_ref().expect("vertices are kept where the frame is not that of object space");
-                let (range, reach) = (first + at..first + at + leaf.n, extremes.reach());
-                let ends = vertices.ends(simd, range, frame.rows, reach);
+                let ([first, end], reach) = (states.ranges[states.extremes.len()], extremes.reach());
+                let ends = vertices.ends(simd, first..end, frame.rows, reach);
                 extremes = Extremes::new(&Aabb { min: ends.lo.map(down), max: ends.hi.map(up) }, reach);
             }
             states.extremes.push(extremes);
@@ -299,14 +336,55 @@ impl<'a> Batch<'a> {
     }
 }
 
+/// Finds the vertices of a leaf.
+struct Distinct {
+    /// By the last bits of a vertex: the number of the last leaf that had such a vertex, then the vertex.
+    places: [u64; PLACES],
+    n_leaves: u64,
+    vertices: [[u32; LANES]; (3 * BATCH).div_ceil(LANES) + 1],
+}
+
+/// As many vertices in a row have places of their own.
+const PLACES: usize = 128;
+
+impl Distinct {
+    fn new() -> Self {
+        Self { places: [0; PLACES], n_leaves: 0, vertices: [[0; LANES]; (3 * BATCH).div_ceil(LANES) + 1] }
+    }
+
+    /// The vertices of the triangles of the next leaf, each at least once and most only once, then the first one again up to a whole vector.
+    #[inline(always)]
+    fn of(&mut self, triangles: &[[u32; 3]]) -> &[[u32; LANES]] {
+        self.n_leaves += 1;
+        let (all, mut n) = (self.vertices.as_flattened_mut(), 0);
+        for &vertex in triangles.as_flattened() {
+            let (place, own) = (&mut self.places[vertex as usize % PLACES], self.n_leaves << 32 | u64::from(vertex));
+            all[n] = vertex;
+            n += usize::from(*place != own);
+            *place = own;
+        }
+        let n_eights = n.div_ceil(LANES);
+        let (repeated, end) = (all[0], n_eights * LANES);
+        all[n..end].fill(repeated);
+        &self.vertices[..n_eights]
+    }
+}
+
 /// Reads the triangles of blocks in these words as they are.
 #[inline(always)]
 fn read(blocks: &[Lanes], words: &[u32], rows: &mut [[f32; BATCH]; 9]) {
     let mut at = 0;
     for block in blocks {
-        for (k, row) in rows.iter_mut().enumerate() {
-            let from = &words[block.word + k * block.width..][..block.n];
-            row[at..at + block.n].iter_mut().zip(from).for_each(|(x, &word)| *x = f32::from_bits(word));
+        let from = &words[block.word..][..9 * block.width];
+        // Lanes without a triangle are overwritten by the next block, or not part of the batch.
+        if block.width == 8 && at + 8 <= BATCH {
+            for (row, from) in rows.iter_mut().zip(from.as_chunks::<8>().0) {
+                *row[at..].first_chunk_mut().expect("eight") = from.map(f32::from_bits);
+            }
+        } else {
+            for (row, from) in rows.iter_mut().zip(from.chunks_exact(block.width)) {
+                row[at..at + block.n].iter_mut().zip(from).for_each(|(x, &word)| *x = f32::from_bits(word));
+            }
         }
         at += block.n;
     }
@@ -378,7 +456,9 @@ impl<'a> MovedPrimitives<'a> {
             let given = ids.iter().map(|id| Placed::given(primitives.at(id.index())));
             states.area += given.clone().map(|item| item.area()).sum::<f64>();
             if let Some(items) = &mut states.items {
+                let first = items.len();
                 items.extend(given.map(|item| item.moved(frame.reference)));
+                states.ranges.push([first, items.len()]);
             }
             let Content { bounds, aligned, reach } = content_of(primitives, ids, frame);
             states.bounds = states.bounds.union(bounds);
@@ -412,6 +492,8 @@ const LEAST_AREA: f32 = 1.0 / (1_u64 << 44) as f32;
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use canted_obb::{Aabb, Obb};
     use canted_trace::{ReferencePoint, Slabs};
 
@@ -462,6 +544,7 @@ mod tests {
             }
             let may_be_flat = may_be_flat(Scalar, &eight(Scalar, &batch.rows, 0));
             batch.store_flat_as_edges(Scalar);
+            assert_eq!(batch.has_edges, triangles[..n].iter().any(|&triangle| flat_as_edge(triangle) != triangle));
             for (lane, &triangle) in triangles.iter().enumerate().take(n) {
                 let want = flat_as_edge(triangle);
                 assert_eq!(batch.corners(lane), want, "{triangle:?}");
@@ -510,9 +593,8 @@ mod tests {
             leaves.after(&mut halves, &[LeafSlots { first: 0, n }], &mut state);
             leaves.before(&halves, &[LeafSlots { first: 0, n }], &mut before);
             let taken = state.items.unwrap();
-            assert_eq!(taken.n_triangles(), n);
             let bounds = Aabb::from_points(moved.iter().flatten().copied());
-            let ends = taken.ends(Scalar, 0..n, Obb::IDENTITY_FRAME, bounds.reach());
+            let ends = taken.ends(Scalar, 0..taken.n_eights(), Obb::IDENTITY_FRAME, bounds.reach());
             let slabs = Slabs { rows: Obb::IDENTITY_FRAME, lo: ends.lo.map(down), hi: ends.hi.map(up) };
             assert_eq!(slabs, Slabs::from_points(Obb::IDENTITY_FRAME, moved.iter().flatten().copied()));
             for side in [state.bounds, before.bounds, state.extremes[1].aligned(), before.extremes[1].aligned()] {
@@ -524,6 +606,30 @@ mod tests {
             assert_eq!(StoredTriangles::read(&hierarchy, &halves), StoredTriangles { corners: moved, ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }
+    }
+
+    /// Vertices share places, and earlier leaves had some of them.
+    #[test]
+    fn every_vertex_of_a_leaf_is_found_and_few_are_repeated() {
+        let mut rng = canted_fixtures::SplitMix64::new(8);
+        let (mut distinct, mut n_lost) = (Distinct::new(), 0);
+        for round in 0..5_000 {
+            let (n_vertices, step) = ([4, 30, 1_000][round % 3], [1, PLACES, 4_294_967][round / 3 % 3]);
+            let n = 1 + rng.below(MAX_LEAF);
+            let mut vertex = || u32::try_from(step * rng.below(n_vertices)).unwrap();
+            let triangles: Vec<[u32; 3]> = (0..n).map(|_| [vertex(), vertex(), vertex()]).collect();
+            let want: BTreeSet<u32> = triangles.as_flattened().iter().copied().collect();
+            let vertices = distinct.of(&triangles).as_flattened().to_vec();
+            assert_eq!(vertices.iter().copied().collect::<BTreeSet<_>>(), want, "{round}");
+            assert!(vertices.len() <= (3 * n).next_multiple_of(LANES));
+            if step == 1 && n_vertices <= PLACES {
+                assert_eq!(vertices.len(), want.len().next_multiple_of(LANES), "{round}");
+            }
+            // As if the next leaf had the same number.
+            distinct.n_leaves -= 1;
+            n_lost += usize::from(distinct.of(&triangles).as_flattened().len() < want.len());
+        }
+        assert!(n_lost > 3_000, "{n_lost} would pass if leaves had no numbers");
     }
 
     /// Leaves of all sizes in one call, so that batches end anywhere, small ones in both parts of shared half-blocks: each as in a call of its own.
@@ -574,7 +680,7 @@ mod tests {
             assert_eq!(of_all.products, of_each.products);
             let ends = [of_all, of_each].map(|states| {
                 let items = states.items.unwrap();
-                items.ends(Scalar, 0..items.n_triangles(), Obb::IDENTITY_FRAME, 1.0)
+                items.ends(Scalar, 0..items.n_eights(), Obb::IDENTITY_FRAME, 1.0)
             });
             assert_eq!(ends[0], ends[1]);
             // Every triangle is where its number is.

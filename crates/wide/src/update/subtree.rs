@@ -21,13 +21,20 @@ pub(super) trait Kept: Default + Send + Sync {
     /// With room for so many primitives.
     fn with_capacity(n: usize) -> Self;
 
-    /// The ends along these rows of a range of primitives, where the coordinates of all that is in the box are at most `reach`.
+    /// How many items there are: primitives, or vectors of points.
+    fn n_items(&self) -> usize;
+
+    /// The ends along these rows of a range of items, where the coordinates of all that is in the box are at most `reach`.
     fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends;
 }
 
 impl Kept for Vertices {
     fn with_capacity(n: usize) -> Self {
         Self::with_capacity(n)
+    }
+
+    fn n_items(&self) -> usize {
+        self.n_eights()
     }
 
     #[inline(always)]
@@ -39,6 +46,10 @@ impl Kept for Vertices {
 impl Kept for Vec<Placed<'_>> {
     fn with_capacity(n: usize) -> Self {
         Self::with_capacity(n)
+    }
+
+    fn n_items(&self) -> usize {
+        self.len()
     }
 
     #[inline(always)]
@@ -66,6 +77,8 @@ pub(super) struct LeafStates<K> {
     pub(super) area: f64,
     /// All items relative to the reference point, where oriented boxes need them.
     pub(super) items: Option<K>,
+    /// An empty range, then that of the items of each leaf, then of each node, where items are kept.
+    pub(super) ranges: Vec<[usize; 2]>,
     /// [`EdgeProducts::ZERO`], then those of each leaf, then of each node, where frames turn with triangles.
     pub(super) products: Option<Vec<EdgeProducts>>,
 }
@@ -102,7 +115,6 @@ pub(super) struct State<K> {
     pub(super) sums: Sums,
     /// All items, where oriented boxes need them.
     items: K,
-    n_items: usize,
     products: EdgeProducts,
 }
 
@@ -186,7 +198,12 @@ impl<K: Kept> LeafStates<K> {
             products.push(EdgeProducts::ZERO);
             products
         });
-        Self { extremes, bounds: Aabb::EMPTY, area: 0.0, items: n_items.map(K::with_capacity), products }
+        let (items, mut ranges) = (n_items.map(K::with_capacity), vec![]);
+        if items.is_some() {
+            ranges.reserve_exact(1 + n);
+            ranges.push([0; 2]);
+        }
+        Self { extremes, bounds: Aabb::EMPTY, area: 0.0, items, ranges, products }
     }
 }
 
@@ -208,7 +225,7 @@ impl<K: Kept> Task for Close<'_, K> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> State<K> {
         let Self { nodes, leaves, n_lines, lines, pads, costs, states } = self;
-        let LeafStates { mut extremes, bounds, area, items, mut products } = states;
+        let LeafStates { mut extremes, bounds, area, items, mut ranges, mut products } = states;
         let mut numbers = vec![0; lines.len().div_ceil(NodeKind::Aligned.n_lines())];
         for (i, node) in nodes.iter().enumerate() {
             numbers[slot_of(node.line as usize)] = 1 + leaves.len() + i;
@@ -217,8 +234,9 @@ impl<K: Kept> Task for Close<'_, K> {
         if let Some(products) = &mut products {
             products.resize(extremes.len(), EdgeProducts::ZERO);
         }
-        // The items of a node and of all nodes below are consecutive.
-        let mut items = items.map(|items| (items, item_ranges(leaves, extremes.len())));
+        if items.is_some() {
+            ranges.resize(extremes.len(), [0; 2]);
+        }
         let (mut sums, mut next_leaf) = (Sums { area, ..Sums::default() }, leaves.len());
         for (i, &Node { kind, line }) in nodes.iter().enumerate().rev() {
             let (words, line) = (*node_words(lines, kind, line), line as usize);
@@ -250,13 +268,14 @@ impl<K: Kept> Task for Close<'_, K> {
                 &mut sums,
                 #[inline(always)]
                 |slot, rows| {
-                    let (items, ranges) = items.as_ref().expect("oriented nodes keep what is below them");
+                    let items = items.as_ref().expect("oriented nodes keep what is below them");
                     let [first, end] = ranges[children[slot]];
                     items.ends(simd, first..end, rows, extremes[children[slot]].reach())
                 },
             );
             extremes[number] = node;
-            if let Some((_, ranges)) = &mut items {
+            // The items of a node and of all nodes below are consecutive.
+            if items.is_some() {
                 let used = || children.iter().filter(|child| **child > 0);
                 ranges[number] = used().fold([usize::MAX, 0], |[first, end], &child| {
                     [first.min(ranges[child][0]), end.max(ranges[child][1])]
@@ -264,22 +283,9 @@ impl<K: Kept> Task for Close<'_, K> {
             }
         }
         let root = if nodes.is_empty() { leaves.len().min(1) } else { 1 + leaves.len() };
-        let n_items = leaves.iter().map(|leaf| leaf.n).sum();
-        let items = items.map(|(items, _)| items).unwrap_or_default();
         let products = products.map_or(EdgeProducts::ZERO, |products| products[root]);
-        State { extremes: extremes[root], bounds, sums, items, n_items, products }
+        State { extremes: extremes[root], bounds, sums, items: items.unwrap_or_default(), products }
     }
-}
-
-/// The items of each leaf, from number 1 on.
-fn item_ranges(leaves: &[LeafSlots], n: usize) -> Vec<[usize; 2]> {
-    let (mut ranges, mut end) = (vec![[0; 2]; n], 0);
-    for (range, leaf) in ranges[1..].iter_mut().zip(leaves) {
-        let first = end;
-        end += leaf.n;
-        *range = [first, end];
-    }
-    ranges
 }
 
 /// Updates all pieces. Returns the bounds and the sums of the whole BVH after the motion, and before it where that is measured; `None`
@@ -368,7 +374,7 @@ impl<K: Kept> Sequence<K> {
         let below = pieces.into_iter().flatten();
         let bounds = below.clone().fold(Aabb::EMPTY, |all, piece| all.union(known(piece).bounds));
         self.ends[i] = below.map(|piece| self.ends[piece]).max().unwrap_or(i + 1);
-        self.states[i] = Some(State { extremes, bounds, sums, items: K::default(), n_items: 0, products });
+        self.states[i] = Some(State { extremes, bounds, sums, items: K::default(), products });
     }
 
     /// The bounds of the whole BVH, and its sums: the first piece holds all others.
@@ -392,6 +398,6 @@ impl<K: Kept> Task for EndsOf<'_, K> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Ends {
-        self.state.items.ends(simd, 0..self.state.n_items, self.rows, self.reach)
+        self.state.items.ends(simd, 0..self.state.items.n_items(), self.rows, self.reach)
     }
 }

@@ -1,4 +1,4 @@
-//! Vertices that a refit keeps for the oriented boxes above them, and the ends of any range of them along any rows, with the bits of
+//! Points that a refit keeps for the oriented boxes above them, and the ends of any range of them along any rows, with the bits of
 //! [`Slabs::from_points`]: few in double precision at once; of many, single precision finds those that can be extreme, and double precision
 //! decides.
 
@@ -9,13 +9,17 @@ use canted_trace::{ReferencePoint, Slabs};
 use super::extremes::Ends;
 use crate::simd::Simd;
 
-/// Triangles of a vector.
+/// Points of a vector.
 pub(super) const LANES: usize = 8;
 
-/// Vertices of triangles relative to the reference point of a BVH: the coordinates of the first ones, of the second and of the third.
+/// The coordinates of eight points, axis by axis.
+type Eight = [[f32; LANES]; 3];
+
+/// Vertices of triangles relative to the reference point of a BVH. Those of a leaf are whole vectors, the last of which may repeat points:
+/// the ends of a range do not depend on how often it has a point.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Vertices {
-    rows: [Vec<f32>; 9],
+    eights: Vec<Eight>,
 }
 
 /// Up to here no projection overflows.
@@ -29,127 +33,127 @@ const ERROR: f32 = 8.0 / (1 << 24) as f32;
 /// Three products below 2^-126 lose less than this.
 const TINY_ERROR: f32 = 1.0 / (1_u128 << 120) as f32;
 
-/// Most triangles that double precision projects at once: in leaves, where many vertices are of the same corners, most can be extreme.
-const FEW: usize = 48;
+/// Most vectors that double precision projects at once: in few leaves, most points can be extreme.
+const FEW: usize = 18;
 
 impl Vertices {
-    /// Makes room for the vertices of so many triangles.
+    /// Makes room for the vertices of so many triangles, of which each has about one of its own.
     pub(super) fn with_capacity(n: usize) -> Self {
-        Self { rows: std::array::from_fn(|_| Vec::with_capacity(n)) }
+        Self { eights: Vec::with_capacity(n.div_ceil(LANES)) }
     }
 
-    pub(super) fn n_triangles(&self) -> usize {
-        self.rows[0].len()
+    pub(super) fn n_eights(&self) -> usize {
+        self.eights.len()
     }
 
-    /// Adds the vertices of the first `n` triangles, whose coordinates are in nine rows, relative to this point.
+    /// Adds these vertices relative to this point.
     #[inline(always)]
-    pub(super) fn push_rows<const N: usize>(&mut self, rows: &[[f32; N]; 9], n: usize, reference: ReferencePoint) {
+    pub(super) fn push_vertices(
+        &mut self,
+        vertices: &[[u32; LANES]],
+        positions: &[[f32; 3]],
+        reference: ReferencePoint,
+    ) {
         let from = reference.point();
-        for (i, (all, row)) in self.rows.iter_mut().zip(rows).enumerate() {
-            all.extend(row[..n].iter().map(|x| x - from[i % 3]));
+        for vertices in vertices {
+            let mut eight = [[0.0; LANES]; 3];
+            for lane in 0..LANES {
+                let [x, y, z] = positions[vertices[lane] as usize];
+                (eight[0][lane], eight[1][lane], eight[2][lane]) = (x - from[0], y - from[1], z - from[2]);
+            }
+            self.eights.push(eight);
         }
     }
 
-    /// The ends along these rows of a range of triangles, whose coordinates are at most `reach`.
+    /// Adds the vertices of a range of triangles, whose coordinates are in nine rows, relative to this point.
+    #[inline(always)]
+    pub(super) fn push_rows<const N: usize>(
+        &mut self,
+        rows: &[[f32; N]; 9],
+        range: Range<usize>,
+        reference: ReferencePoint,
+    ) {
+        let from = reference.point();
+        for corner in rows.as_chunks::<3>().0 {
+            for first in range.clone().step_by(LANES) {
+                let mut eight = [[0.0; LANES]; 3];
+                for k in 0..3 {
+                    for lane in 0..LANES {
+                        eight[k][lane] = corner[k][(first + lane).min(range.end - 1)] - from[k];
+                    }
+                }
+                self.eights.push(eight);
+            }
+        }
+    }
+
+    /// The ends along these rows of a range of vectors, whose coordinates are at most `reach`.
     #[inline(always)]
     pub(super) fn ends<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3], reach: f32) -> Ends {
-        let [lo, hi] = if range.len() <= FEW {
-            self.projections(simd, range, rows)
+        let eights = &self.eights[range];
+        let [lo, hi] = if eights.len() <= FEW {
+            projections(eights, rows)
         } else {
             // NaN, too, is not below.
             let error = if reach < MAX_REACH { ERROR * reach + TINY_ERROR } else { f32::INFINITY };
-            self.projections_within(simd, range, rows, error)
+            projections_within(simd, eights, rows, error)
         };
         let [lo, hi] = Slabs::ends(lo, hi, f64::from(reach));
         Ends { lo, hi }
     }
+}
 
-    /// The least and the greatest projections, in double precision.
-    #[inline(always)]
-    fn projections<S: Simd>(&self, simd: S, range: Range<usize>, rows: [[f32; 3]; 3]) -> [[f64; 3]; 2] {
-        let wide_rows = wide(rows);
-        let (mut lo, mut hi) = ([[f64::MAX; LANES]; 3], [[f64::MIN; LANES]; 3]);
-        let mut first = range.start;
-        while first < range.end {
-            for corner in 0..3 {
-                let points = self.eight(simd, corner, first, &range);
-                let points = [simd.store(points[0]), simd.store(points[1]), simd.store(points[2])];
-                // A loop over the rows would be what the compiler makes vectors of.
-                widen(&mut lo[0], &mut hi[0], wide_rows[0], &points);
-                widen(&mut lo[1], &mut hi[1], wide_rows[1], &points);
-                widen(&mut lo[2], &mut hi[2], wide_rows[2], &points);
-            }
-            first += LANES;
-        }
-        [
-            [least_of(lo[0]), least_of(lo[1]), least_of(lo[2])],
-            [greatest_of(hi[0]), greatest_of(hi[1]), greatest_of(hi[2])],
-        ]
+/// The least and the greatest projections, in double precision.
+#[inline(always)]
+fn projections(eights: &[Eight], rows: [[f32; 3]; 3]) -> [[f64; 3]; 2] {
+    let wide_rows = wide(rows);
+    let (mut lo, mut hi) = ([[f64::MAX; LANES]; 3], [[f64::MIN; LANES]; 3]);
+    for points in eights {
+        // A loop over the rows would be what the compiler makes vectors of.
+        widen(&mut lo[0], &mut hi[0], wide_rows[0], points);
+        widen(&mut lo[1], &mut hi[1], wide_rows[1], points);
+        widen(&mut lo[2], &mut hi[2], wide_rows[2], points);
     }
+    [[least_of(lo[0]), least_of(lo[1]), least_of(lo[2])], [greatest_of(hi[0]), greatest_of(hi[1]), greatest_of(hi[2])]]
+}
 
-    /// The same, where projections in `f32` are off by less than `error`.
-    #[inline(always)]
-    fn projections_within<S: Simd>(
-        &self,
-        simd: S,
-        range: Range<usize>,
-        rows: [[f32; 3]; 3],
-        error: f32,
-    ) -> [[f64; 3]; 2] {
-        let axes = [row_in_lanes(simd, rows[0]), row_in_lanes(simd, rows[1]), row_in_lanes(simd, rows[2])];
-        let mut least = [simd.splat(f32::INFINITY); 3];
-        let mut greatest = [simd.splat(f32::NEG_INFINITY); 3];
-        for first in range.clone().step_by(LANES) {
-            for corner in 0..3 {
-                let points = self.eight(simd, corner, first, &range);
-                for k in 0..3 {
-                    let x = along(simd, &axes[k], points);
-                    (least[k], greatest[k]) = (simd.min(least[k], x), simd.max(greatest[k], x));
-                }
-            }
-        }
-        // Infinite where nothing is known, and then every point is a candidate.
-        let (mut low, mut high, wide_rows) = (least, greatest, wide(rows));
+/// The same, where projections in `f32` are off by less than `error`.
+#[inline(always)]
+fn projections_within<S: Simd>(simd: S, eights: &[Eight], rows: [[f32; 3]; 3], error: f32) -> [[f64; 3]; 2] {
+    let axes = [row_in_lanes(simd, rows[0]), row_in_lanes(simd, rows[1]), row_in_lanes(simd, rows[2])];
+    let mut least = [simd.splat(f32::INFINITY); 3];
+    let mut greatest = [simd.splat(f32::NEG_INFINITY); 3];
+    for [x, y, z] in eights {
+        let points = [simd.load(x), simd.load(y), simd.load(z)];
         for k in 0..3 {
-            low[k] = simd.splat(least_of(simd.store(least[k])) + 2.0 * error);
-            high[k] = simd.splat(greatest_of(simd.store(greatest[k])) - 2.0 * error);
+            let x = along(simd, &axes[k], points);
+            (least[k], greatest[k]) = (simd.min(least[k], x), simd.max(greatest[k], x));
         }
-        let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
-        for first in range.clone().step_by(LANES) {
-            for corner in 0..3 {
-                let points = self.eight(simd, corner, first, &range);
-                for k in 0..3 {
-                    let x = along(simd, &axes[k], points);
-                    // A NaN is not inside.
-                    let mut lanes = 0xff ^ (simd.lt(low[k], x) & simd.lt(x, high[k]));
-                    if lanes != 0 {
-                        let [x, y, z] = [simd.store(points[0]), simd.store(points[1]), simd.store(points[2])];
-                        while lanes != 0 {
-                            let lane = lanes.trailing_zeros() as usize;
-                            lanes &= lanes - 1;
-                            let point = [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])];
-                            let x = Slabs::projection(wide_rows[k], point);
-                            lo[k] = if x < lo[k] { x } else { lo[k] };
-                            hi[k] = if x > hi[k] { x } else { hi[k] };
-                        }
-                    }
-                }
+    }
+    // Infinite where nothing is known, and then every point is a candidate.
+    let (mut low, mut high, wide_rows) = (least, greatest, wide(rows));
+    for k in 0..3 {
+        low[k] = simd.splat(least_of(simd.store(least[k])) + 2.0 * error);
+        high[k] = simd.splat(greatest_of(simd.store(greatest[k])) - 2.0 * error);
+    }
+    let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
+    for [x, y, z] in eights {
+        let points = [simd.load(x), simd.load(y), simd.load(z)];
+        for k in 0..3 {
+            let projected = along(simd, &axes[k], points);
+            // A NaN is not inside.
+            let mut lanes = 0xff ^ (simd.lt(low[k], projected) & simd.lt(projected, high[k]));
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize;
+                lanes &= lanes - 1;
+                let point = [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])];
+                let x = Slabs::projection(wide_rows[k], point);
+                lo[k] = if x < lo[k] { x } else { lo[k] };
+                hi[k] = if x > hi[k] { x } else { hi[k] };
             }
         }
-        [lo, hi]
     }
-
-    /// A corner of eight triangles by coordinate: those from `first` on, the last eight of the range where fewer are left, and some
-    /// repeated where it has fewer at all.
-    #[inline(always)]
-    fn eight<S: Simd>(&self, simd: S, corner: usize, first: usize, range: &Range<usize>) -> [S::F; 3] {
-        let mut lanes = [simd.splat(0.0); 3];
-        for (lanes, row) in lanes.iter_mut().zip(&self.rows[3 * corner..3 * corner + 3]) {
-            *lanes = eight(simd, &row[range.clone()], first - range.start);
-        }
-        lanes
-    }
+    [lo, hi]
 }
 
 /// Includes the projections of eight points along a row, a step for all points at a time, as vectors have it.
@@ -163,17 +167,6 @@ fn widen(lo: &mut [f64; LANES], hi: &mut [f64; LANES], row: [f64; 3], [x, y, z]:
         lo[lane] = if along[lane] < lo[lane] { along[lane] } else { lo[lane] };
         hi[lane] = if along[lane] > hi[lane] { along[lane] } else { hi[lane] };
     }
-}
-
-#[inline(always)]
-fn eight<S: Simd>(simd: S, all: &[f32], first: usize) -> S::F {
-    if let Some(last) = all.len().checked_sub(LANES) {
-        let lanes = &all[first.min(last)..][..LANES];
-        return simd.load(lanes.try_into().expect("eight"));
-    }
-    let mut lanes = [all[0]; LANES];
-    lanes[..all.len()].copy_from_slice(all);
-    simd.load(&lanes)
 }
 
 #[inline(always)]
@@ -256,7 +249,7 @@ mod tests {
             let Self { vertices, range, rows, reach, error } = self;
             let [lo, hi] = match error {
                 Some(error) => {
-                    let [lo, hi] = vertices.projections_within(simd, range, rows, error);
+                    let [lo, hi] = projections_within(simd, &vertices.eights[range], rows, error);
                     Slabs::ends(lo, hi, f64::from(reach))
                 }
                 None => {
@@ -276,10 +269,18 @@ mod tests {
             let cloud = cloud(&mut rng, round);
             let random = canted_obb::frame::orthonormal(rng.signed3(), rng.signed3());
             let rows = if round % 7 == 0 { Obb::IDENTITY_FRAME } else { random };
-            let by_row = |i: usize| cloud.iter().map(|triangle| triangle.as_flattened()[i]).collect();
-            let vertices = Vertices { rows: std::array::from_fn(by_row) };
-            let range = round % 3 * cloud.len() / 8..cloud.len() - round % 2 * cloud.len() / 3;
+            let by_row = |i: usize| std::array::from_fn(|at| cloud.get(at).map_or(0.0, |t| t.as_flattened()[i]));
+            let coordinates: [[f32; 41]; 9] = std::array::from_fn(by_row);
+            let (mut vertices, range) = (Vertices::default(), round % 3 * cloud.len() / 8..cloud.len());
+            // Points before the range, and two leaves in it.
+            let inside = range.start.midpoint(range.end).max(range.start + 1);
+            let mut starts = [0; 2];
+            for (i, leaf) in [0..range.start, range.start..inside, inside..range.end].into_iter().enumerate() {
+                vertices.push_rows(&coordinates, leaf, ReferencePoint::ORIGIN);
+                starts[i.min(1)] = if i == 0 { vertices.n_eights() } else { starts[0] };
+            }
             let cloud = cloud[range.clone()].as_flattened();
+            let range = starts[0]..vertices.n_eights();
             let reach = cloud.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
             let want = Slabs::from_points(rows, cloud.iter().copied());
             let found = |path: AvailablePath, error| {
