@@ -108,9 +108,14 @@ fn greatest_of_quarters(whole: [[f64; 2]; 4]) -> [f64; 2] {
         let (abc, bcd) = (mid(ab, bc), mid(bc, cd));
         [ab, abc, mid(abc, bcd), bcd, cd]
     };
-    let [a, .., d] = whole;
+    let [a, b, c, d] = whole;
+    let (ends, within) = (greater(a, d), greater(b, c));
+    // Most curves bulge across few directions. No mean of these is greater than all of them, since rounding is monotonic.
+    if within[0] <= ends[0] && within[1] <= ends[1] {
+        return ends;
+    }
     let [ab, abc, middle, bcd, cd] = inner(whole);
-    let mut greatest = greater(greater(a, d), middle);
+    let mut greatest = greater(ends, middle);
     for half in [[a, ab, abc, middle], [middle, bcd, cd, d]] {
         for value in inner(half) {
             greatest = greater(greatest, value);
