@@ -1,4 +1,4 @@
-//! `cargo xtask kernels`: instructions, registers, spills and scratch memory of every kernel, from a driver that compiles without a device.
+//! `cargo xtask kernels`: instructions, registers, spills and scratch memory of the kernels, from a driver that compiles without a device.
 //!
 //! Mesa's RADV does so for any family of AMD's devices; `benches/kernels` asks it. A machine without a GPU sees what a change costs:
 //! `cargo xtask ci` compares the numbers with the recorded ones, which belong to one version of Mesa.
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
 }
 
 /// Compares kernels of the first family with the recorded table, without the exact ones for instances: these and other families take most of the minutes,
-/// and what becomes costlier there does so elsewhere, too.
+/// and most of what becomes costlier there does so elsewhere, too; `cargo xtask kernels` shows them.
 pub(crate) fn check() -> Result<Outcome> {
     Ok(match measured(&FAMILIES[..1], &["--quick"])? {
         Measured::Rows(rows) => compared(&recorded()?, &rows),

@@ -34,7 +34,7 @@ const MOST: u64 = 50_000_000;
 
 /// What runs there. Every line is for any POSIX shell.
 const SCRIPT: &str = r#"#!/bin/sh
-# Measures and tests a GPU. Writes to the folder results beside this script. Takes about four minutes.
+# Measures and tests a GPU. Writes to the folder results beside this script. Chapters take at most seven minutes, tests seven and a half.
 # Needs a Vulkan driver and loader, tar and xz. VK_DRIVER_FILES names the driver where the loader does not find it.
 here=$(cd "$(dirname "$0")" && pwd)
 work=$(mktemp -d) || exit 2
@@ -80,7 +80,14 @@ pub(crate) fn run(folder: &Path) -> Result<bool> {
     for (name, program) in tests()? {
         copy(&program, &staged.join("tests").join(name))?;
     }
-    archive(&staged, &folder.join("programs.tar.xz"), &["canted", "canted-bench", "tests"])?;
+    // What tests read: the example of motion.
+    let examples = staged.join("examples");
+    fs::create_dir_all(examples.join("models")).with_context(|| format!("cannot make {}", examples.display()))?;
+    for name in ["motion.toml", "models/plane.obj", "models/cube.obj", "models/sphere.obj"] {
+        let from = command::root().join("examples").join(name);
+        fs::copy(&from, examples.join(name)).with_context(|| format!("cannot copy {}", from.display()))?;
+    }
+    archive(&staged, &folder.join("programs.tar.xz"), &["canted", "canted-bench", "examples", "tests"])?;
     fs::remove_dir_all(&staged).with_context(|| format!("cannot remove {}", staged.display()))?;
     let models = command::models();
     let there: Vec<&str> = MODELS.into_iter().filter(|model| models.join(model).exists()).collect();

@@ -1,4 +1,4 @@
-//! What Mesa's RADV makes of every kernel that a run can use; `cargo xtask kernels` runs it for each family of devices.
+//! What Mesa's RADV makes of the kernels, each in the variants of typical scenes; `cargo xtask kernels` runs it for each family of devices.
 //!
 //! RADV compiles for a device that is not there if `RADV_FORCE_FAMILY` names its family. `--quick` skips the exact kernels for instances, which are
 //! the largest. Prints a JSON list of [`Row`]s, or `{"missing": REASON}`

@@ -117,9 +117,10 @@ const THREAD_SECONDS: [&str; 4] =
     ["camera_thread_seconds", "rays_thread_seconds", "shading_thread_seconds", "film_thread_seconds"];
 
 /// Facts that are sums over frames, in addition to [`THREAD_SECONDS`].
-const SUMS: [&str; 11] = [
+const SUMS: [&str; 12] = [
     "load_seconds",
     "build_seconds",
+    "device_seconds",
     "trace_seconds",
     "denoise_seconds",
     "rays",
@@ -363,6 +364,7 @@ impl Summary<'_> {
             ("load_seconds", "reading"),
             ("build_seconds", "building"),
             ("choice_seconds", "choosing view and light"),
+            ("device_seconds", "uploading and compiling"),
             ("trace_seconds", "tracing"),
             ("denoise_seconds", "denoising"),
             ("write_seconds", "writing"),

@@ -185,7 +185,7 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         facts.push(("integrator_reason", json!(choice.integrator_reason)));
     }
     let start = Instant::now();
-    let (mut checkpoint, mut denoise_time) = (None, Duration::ZERO);
+    let (mut checkpoint, mut other_time) = (None, Duration::ZERO);
     let output = if let Some((measure, scale)) = job.plan.heatmap {
         let map = heatmap(&Surfaces::new(scene), bvh, camera, job.plan.size(), measure, scale)?;
         let [boxes, triangles] = map.mean();
@@ -198,7 +198,15 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         #[cfg(feature = "gpu")]
         let device = last.device.as_mut();
         #[cfg(feature = "gpu")]
-        let on_gpu = gpu::GpuRenderer::new(machine, &job.plan, &surfaces, bvh, camera, device)?;
+        let (on_gpu, prepared) = {
+            let start = Instant::now();
+            (gpu::GpuRenderer::new(machine, &job.plan, &surfaces, bvh, camera, device)?, start.elapsed())
+        };
+        #[cfg(feature = "gpu")]
+        if on_gpu.is_some() {
+            other_time += prepared;
+            facts.push(("device_seconds", json!(prepared.as_secs_f64())));
+        }
         #[cfg(not(feature = "gpu"))]
         let on_gpu: Option<CpuRenderer> = match machine {
             Machine::Cpu => None,
@@ -215,12 +223,12 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         let start = Instant::now();
         let denoised = job.output.denoised(&film)?;
         if denoised.is_some() {
-            denoise_time = start.elapsed();
-            facts.push(("denoise_seconds", json!(denoise_time.as_secs_f64())));
+            other_time += start.elapsed();
+            facts.push(("denoise_seconds", json!(start.elapsed().as_secs_f64())));
         }
         Output::Film(Box::new(film), record, denoised)
     };
-    let trace_time = start.elapsed() - denoise_time;
+    let trace_time = start.elapsed() - other_time;
     let overlay = job.boxes.map(|level| Overlay::new(level, bvh, camera, job.plan.size())).transpose()?;
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
