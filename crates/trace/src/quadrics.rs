@@ -95,8 +95,8 @@ impl Cone {
             if a2 > 0.0 {
                 within([low, high])?
             } else if a2 < 0.0 {
-                // Outside of the roots, on the side where the radius is positive.
-                within([f64::NEG_INFINITY, low]).or_else(|| within([high, f64::INFINITY]))?
+                // Outside of the roots, on the side where the radius is positive. The other side may meet the slab at a tip.
+                within(if narrowing * along_d > 0.0 { [f64::NEG_INFINITY, low] } else { [high, f64::INFINITY] })?
             } else if q == 0.0 {
                 // Parallel to the axis.
                 if c <= 0.0 { within([f64::NEG_INFINITY, f64::INFINITY])? } else { return None }

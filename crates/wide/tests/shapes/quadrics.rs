@@ -114,6 +114,32 @@ fn lines_enter_and_leave_at_the_surface() {
     assert!(n_hits > 700, "{n_hits}");
 }
 
+/// Lines through a tip, which touch the other half of the double cone there, enter or leave at the base.
+#[test]
+fn lines_through_a_tip_cross_the_cone() {
+    let mut rng = SplitMix64::new(22);
+    for i in 0..1500 {
+        let radius = [0.05, 0.3, 1.0][i % 3];
+        let tip: [f32; 3] = if i % 2 == 0 { [0.0; 3] } else { rng.signed3().map(|x| x as f32) };
+        let (axis, other) = (rng.on_sphere(), rng.on_sphere());
+        let across: Vector = std::array::from_fn(|k| other[k] - dot(other, axis) * axis[k]);
+        let base: [f32; 3] = std::array::from_fn(|k| tip[k] + axis[k] as f32);
+        let cone = Cone { ends: [tip, base], radii: [0.0, radius] };
+        let cone = if i % 4 < 2 { cone } else { Cone { ends: [base, tip], radii: [radius, 0.0] } };
+        let off = [0.0, 0.6 * rng.unit()][i / 3 % 2] * f64::from(radius);
+        let forward: [f32; 3] = std::array::from_fn(|k| (axis[k] + off * across[k]) as f32);
+        let sign = [1.0, -1.0][i / 6 % 2];
+        let start = [0.25, -2.0, 3.0][i / 12 % 3];
+        let origin = std::array::from_fn(|k| tip[k] + start * forward[k]);
+        let ray = Ray::new(origin, forward.map(|x| sign * x));
+        let scaled = ScaledRay::new(&ray).unwrap();
+        let span = cone.span_scaled(&scaled).map(|ends| ends.map(|(t, _)| t));
+        let length = span.map(|[entry, exit]| (f64::from(exit) - f64::from(entry)) / scaled.scale());
+        assert!(length.is_some_and(|length| (length - 1.0).abs() < 1e-5), "{cone:?} {ray:?} {span:?}");
+        check(&ray, span, |p, margin| in_cone(&cone, p, margin), &cone);
+    }
+}
+
 #[test]
 fn values_of_simple_rays() {
     let scaled = |origin, direction| ScaledRay::new(&Ray::new(origin, direction)).unwrap();
