@@ -174,7 +174,9 @@ impl fmt::Display for ReadError {
             Self::Io { source, .. } => format!("{file}: cannot read file: {source}"),
             Self::UnknownFormat { path } => match converter(path) {
                 Some((format, way)) => format!("{file}: {format} is not supported; {way}"),
-                None => format!("{file}: unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB"),
+                None => format!(
+                    "{file}: unsupported scene format; use OBJ, PLY, STL, OFF, glTF, GLB, .hair, .tck, .trk, .pdb, .xyz or .gcode"
+                ),
             },
             Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),

@@ -357,7 +357,11 @@ fn formats_are_known_by_their_extensions() {
     for (name, want) in names.into_iter().chain([("a.obj", false), ("a.ply", false), ("hair", false)]) {
         assert_eq!(is_lines(name.as_ref()), want, "{name}");
     }
-    is_error("a.abcd", b"", "unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB");
+    is_error(
+        "a.abcd",
+        b"",
+        "unsupported scene format; use OBJ, PLY, STL, OFF, glTF, GLB, .hair, .tck, .trk, .pdb, .xyz or .gcode",
+    );
     let stl = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
     is_error("a.stl", stl, "nothing to draw: no lines, as files of this format have faces alone");
 }
