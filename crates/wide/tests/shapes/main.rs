@@ -7,6 +7,7 @@
 
 mod agree;
 mod edits;
+mod kinds;
 mod moving_curves;
 mod patches;
 mod quadrics;

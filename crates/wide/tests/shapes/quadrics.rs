@@ -1,8 +1,7 @@
-//! Disks, cones and ellipsoids against samples of points, and against the loop over all shapes.
+//! Disks, cones and ellipsoids against samples of points.
 
 use canted_fixtures::SplitMix64;
-use canted_trace::{Cone, Disk, Ellipsoid, Intersect as _, Ray, ScaledRay};
-use canted_wide::{Config, Primitive, WideBvh};
+use canted_trace::{Cone, Disk, Ellipsoid, Ray, ScaledRay};
 
 type Vector = [f64; 3];
 
@@ -158,46 +157,4 @@ fn values_of_simple_rays() {
     assert_eq!(along.map(|(at, u)| (t(at), u)), [(2.0, 0.0), (3.0, 1.0)]);
     assert_eq!(cylinder.span_scaled(&scaled([-2.0, 0.6, 0.1], [1.0, 0.0, 0.0])), None);
     assert_eq!(Cone { ends: [[0.0; 3]; 2], radii: [1.0; 2] }.span_scaled(&down), None, "a cone without length");
-}
-
-/// The loop over all shapes gives the same bits, with aligned and with oriented nodes.
-fn is_complete<P: Primitive + Clone>(shapes: &[P], rng: &mut SplitMix64) {
-    let rays: Vec<Ray> = (0..300)
-        .map(|i| {
-            let bounds = shapes[i % shapes.len()].bounds();
-            ray_at(std::array::from_fn(|k| 0.5 * (bounds.min[k] + bounds.max[k])), rng, i)
-        })
-        .collect();
-    let mut n_hits = 0;
-    for config in [Config::default(), Config::default().axis_aligned()] {
-        let bvh = WideBvh::over_with(shapes.to_vec(), config).unwrap();
-        for ray in &rays {
-            let scaled = ScaledRay::new(ray).unwrap();
-            let alone = shapes
-                .iter()
-                .enumerate()
-                .filter_map(|(i, shape)| Some((shape.intersect(&scaled, f32::INFINITY)?.t, i)));
-            let want = alone.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let want = want.map(|(t, i)| (scaled.caller_t(t).to_bits(), i as u32));
-            n_hits += usize::from(want.is_some());
-            assert_eq!(bvh.closest_hit(ray).map(|hit| (hit.t.to_bits(), hit.primitive.0)), want, "{ray:?}");
-        }
-    }
-    assert!(n_hits > 200, "{n_hits}");
-}
-
-#[test]
-fn hits_do_not_depend_on_the_bvh() {
-    let mut rng = SplitMix64::new(22);
-    let all: Vec<Cone> = (0..5).flat_map(|_| cones(&mut rng)).collect();
-    is_complete(&all, &mut rng);
-    let all: Vec<Ellipsoid> = (0..20).flat_map(|_| ellipsoids(&mut rng)).collect();
-    is_complete(&all, &mut rng);
-    let disk = |rng: &mut SplitMix64| Disk {
-        center: rng.signed3().map(|x| x as f32),
-        normal: rng.on_sphere().map(|x| 3.0 * x as f32),
-        radius: (0.1 + 0.5 * rng.unit()) as f32,
-    };
-    let all: Vec<Disk> = (0..80).map(|_| disk(&mut rng)).collect();
-    is_complete(&all, &mut rng);
 }
