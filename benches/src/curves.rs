@@ -180,6 +180,8 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 fn over<P: Primitive + 'static>(primitives: Vec<P>, preset: Preset) -> Build<'static> {
     let primitives = Mutex::new(primitives);
     Box::new(move |_| {
+        // A second build would have nothing to build over.
+        assert!(!primitives.lock().expect("no build panics").is_empty(), "a build of each engine");
         let bvh = WideBvh::over_with(std::mem::take(&mut *primitives.lock().expect("no build panics")), preset)?;
         let n_bytes = bvh.n_bytes();
         Ok(Box::new(WithBytes(bvh, n_bytes)))

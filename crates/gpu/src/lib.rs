@@ -199,8 +199,8 @@
 //!
 //! # Tested on
 //!
-//! The software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; an NVIDIA H200 passed 28 of 29 tests of rays with the kernels of 2026-11-28, and lacked a
-//! file for one (`benches/results/device.md`). No device with ray queries of its own has run [`Source::DriverRayQueries`].
+//! The software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; an NVIDIA H200 passed 28 of 29 tests of rays
+//! with the kernels of 2026-11-28, and lacked a file for one (`benches/results/device.md`). No device with ray queries of its own has run [`Source::DriverRayQueries`].
 //! Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers.
 #![deny(unsafe_code)]
 

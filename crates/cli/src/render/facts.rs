@@ -364,7 +364,7 @@ impl Summary<'_> {
             ("load_seconds", "reading"),
             ("build_seconds", "building"),
             ("choice_seconds", "choosing view and light"),
-            ("device_seconds", "uploading and compiling"),
+            ("device_seconds", "preparing the device"),
             ("trace_seconds", "tracing"),
             ("denoise_seconds", "denoising"),
             ("write_seconds", "writing"),

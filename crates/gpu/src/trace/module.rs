@@ -28,8 +28,10 @@ impl TracedScene {
     /// var<private> is_incomplete: bool;                  // whether this invocation ended a traversal early, see below
     /// ```
     ///
-    /// Every ray is decided by exact arithmetic in this traversal, as there is no second dispatch for those that `f32` does not decide, so it takes some ten times the
-    /// instructions of the kernels of batches. `t` is in units of the ray's direction; `u` and `v` are the weights of the second and third vertex. `primitive` is numbered within its
+    /// Every ray is decided by exact arithmetic in this traversal but those of [`Source::DriverRayQueries`](crate::Source::DriverRayQueries), as there is
+    /// no second dispatch for rays that `f32` does not decide. So it takes many more instructions than the kernels of batches.
+    ///
+    /// `t` is in units of the ray's direction; `u` and `v` are the weights of the second and third vertex. `primitive` is numbered within its
     /// mesh. `instance` is the number in the instance buffer, or that of the mesh in a [`BufferScene`](crate::BufferScene). `place` is where the BVH has the
     /// triangle, for the functions that take a hit, until it is built again. In memory a hit is a [`ModuleHit`](crate::ModuleHit).
     ///

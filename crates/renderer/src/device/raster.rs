@@ -123,9 +123,13 @@ const MEASURED_CELLS: [u32; 2] = [256, 16];
 /// Rounds of a measurement, of which the fastest counts. The driver compiles before the first.
 const ROUNDS: usize = 3;
 
-/// The part of the time of a picture that each of two measurements may take, and that a raster pass with its kernel may take: together 5 %.
+/// The part of the time of a picture that each of two measurements may take.
 const MEASURED_PART: f64 = 0.0125;
+
+/// The part of the time of a picture that a raster pass with its kernel may take.
 const TRIAL_PART: f64 = 0.025;
+
+const _: () = assert!(2.0 * MEASURED_PART + TRIAL_PART <= 0.05);
 
 /// What a raster pass and the compilation of its kernel may take that a driver has not compiled before. Drivers took 0.4 to 3 s for the
 /// kernels of a whole sample.

@@ -110,7 +110,7 @@ fn greatest_of_quarters(whole: [[f64; 2]; 4]) -> [f64; 2] {
     };
     let [a, b, c, d] = whole;
     let (ends, within) = (greater(a, d), greater(b, c));
-    // Most curves bulge across few directions. No mean of these is greater than all of them, since rounding is monotonic.
+    // Along most directions a curve reaches farthest at an end. No mean of these is greater than all of them, since rounding is monotonic.
     if within[0] <= ends[0] && within[1] <= ends[1] {
         return ends;
     }

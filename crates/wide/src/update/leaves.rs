@@ -338,13 +338,13 @@ impl<'a> Batch<'a> {
 
 /// Finds the vertices of a leaf.
 struct Distinct {
-    /// By the last bits of a vertex: the number of the last leaf that had such a vertex, then the vertex.
+    /// By the last bits of a vertex: in the upper half the number of the last leaf that had such a vertex, in the lower one the vertex.
     places: [u64; PLACES],
     n_leaves: u64,
     vertices: [[u32; LANES]; (3 * BATCH).div_ceil(LANES) + 1],
 }
 
-/// As many vertices in a row have places of their own.
+/// Vertices with so many consecutive numbers have different places.
 const PLACES: usize = 128;
 
 impl Distinct {
@@ -352,7 +352,7 @@ impl Distinct {
         Self { places: [0; PLACES], n_leaves: 0, vertices: [[0; LANES]; (3 * BATCH).div_ceil(LANES) + 1] }
     }
 
-    /// The vertices of the triangles of the next leaf, each at least once and most only once, then the first one again up to a whole vector.
+    /// The vertices of the triangles of the next leaf, each at least once and most once, then the first one again up to a whole vector.
     #[inline(always)]
     fn of(&mut self, triangles: &[[u32; 3]]) -> &[[u32; LANES]] {
         self.n_leaves += 1;

@@ -1,5 +1,5 @@
-//! Every kind of curve and quadric: the loop over all of a kind gives the same bits with every preset and path, saved and loaded, and refitted from
-//! others, for closest hits, occlusion, all hits and a filter.
+//! Every kind of curve and quadric: the loop over all of a kind gives the same bits with every preset and path, saved and loaded, and
+//! refitted from others, for closest hits, occlusion, all hits and a filter.
 
 use canted_fixtures::SplitMix64;
 use canted_trace::{
